@@ -1,0 +1,29 @@
+# The commands of lexsplat. `make demo` and `make test` set up what they need.
+.DEFAULT_GOAL := help
+DATASET ?= synthetic:7
+KEEP ?= 0
+
+help: ## Say what there is
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+	@echo '  DATASET=KIND:PATH for demo (synthetic:SEED, replica:, tum:, 7scenes:), KEEP=1 keeps the server up'
+
+deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
+	@deploy/setup.sh
+
+demo: deps ## Build, map a room, ask five questions, write heat maps into demo-out/
+	@cargo build --release --quiet -p lexsplat-server -p lexsplat-client \
+	  || { echo 'error: the build failed, see above' >&2; exit 1; }
+	@target/release/lexsplat demo --dataset '$(DATASET)' $(if $(filter 1,$(KEEP)),--keep)
+
+test: ## Format, lints, licences, borders and every test
+	@deploy/setup.sh --tests
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+	@if command -v cargo-deny >/dev/null; then cargo deny --all-features check licenses bans sources; \
+	  else echo 'cargo-deny is not installed: licences, bans and sources are not checked'; fi
+	cargo test --workspace
+
+bench: deps ## Benchmarks of the kernels
+	cargo bench -p lexsplat-gpu
+
+.PHONY: help deps demo test bench

@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Installs what lexsplat needs beside Rust, a C compiler and Python: a Vulkan loader with a software
+# driver (apt) and ONNX Runtime's shared library (pip, into .deps/). Says what to run where it cannot.
+#
+#   deploy/setup.sh            everything
+#   deploy/setup.sh --tests    and what the tests use (the Python gRPC client, for the outside-client test)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+ONNXRUNTIME_VERSION=1.31.1
+PYTHON_TAG=3.12 # of the wheel: only its shared library is used, any Python can unpack it
+
+say() { printf '%s\n' "$*" >&2; }
+fail() { say "error: $*"; exit 1; }
+
+as_root() {
+  if [ "$(id -u)" = 0 ]; then "$@"; elif command -v sudo >/dev/null; then sudo "$@"; else return 1; fi
+}
+
+apt_install() { # apt_install PACKAGE...
+  command -v apt-get >/dev/null || fail "install these with your package manager, then run again: $*"
+  say "installing $*"
+  { as_root apt-get update -qq && as_root env DEBIAN_FRONTEND=noninteractive \
+      apt-get install -y -qq --no-install-recommends "$@" >/dev/null; } ||
+    fail "could not install packages; run this as root, then run again: apt-get install $*"
+}
+
+has_library() { ldconfig -p 2>/dev/null | grep -q "$1"; }
+has_vulkan_driver() {
+  [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] ||
+    ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json >/dev/null 2>&1
+}
+
+command -v cargo >/dev/null || fail "Rust is missing: install it from https://rustup.rs, then run again"
+command -v cc >/dev/null || fail "a C compiler is missing: apt-get install build-essential, then run again"
+command -v python3 >/dev/null || fail "Python 3 is missing: apt-get install python3 python3-pip, then run again"
+# Distributions put ldconfig where only root looks.
+PATH="$PATH:/usr/sbin:/sbin"
+
+packages=()
+has_library 'libvulkan\.so\.1' || packages+=(libvulkan1)
+has_vulkan_driver || packages+=(mesa-vulkan-drivers)
+python3 -m pip --version >/dev/null 2>&1 || packages+=(python3-pip)
+[ ${#packages[@]} = 0 ] || apt_install "${packages[@]}"
+
+pip_install() { # pip_install TARGET ARGUMENT...
+  local target=$1
+  shift
+  rm -rf "$target.partial"
+  python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore \
+    --no-warn-conflicts --target "$target.partial" "$@" ||
+    fail "pip could not install: $* (is the package registry reachable?)"
+  rm -rf "$target"
+  mv "$target.partial" "$target"
+}
+
+runtime=.deps/onnxruntime
+if ! ls "$runtime/onnxruntime/capi/libonnxruntime.so.$ONNXRUNTIME_VERSION" >/dev/null 2>&1; then
+  say "installing ONNX Runtime $ONNXRUNTIME_VERSION into $runtime"
+  mkdir -p .deps
+  machine=$(uname -m)
+  pip_install "$runtime" --no-deps --only-binary=:all: --python-version "$PYTHON_TAG" \
+    --platform "manylinux_2_28_$machine" --platform "manylinux_2_27_$machine" \
+    --platform "manylinux_2_17_$machine" "onnxruntime==$ONNXRUNTIME_VERSION"
+fi
+
+if [ "${1:-}" = --tests ] && [ ! -d .deps/python/grpc ]; then
+  say "installing the Python gRPC client into .deps/python"
+  mkdir -p .deps
+  pip_install .deps/python --only-binary=:all: 'grpcio==1.76.0' 'grpcio-reflection==1.76.0'
+fi
