@@ -28,7 +28,8 @@ apt_install() { # apt_install PACKAGE...
 has_library() { ldconfig -p 2>/dev/null | grep -q "$1"; }
 has_vulkan_driver() {
   [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] ||
-    ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json >/dev/null 2>&1
+    compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null ||
+    compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null
 }
 
 command -v cargo >/dev/null || fail "Rust is missing: install it from https://rustup.rs, then run again"

@@ -1,1 +1,3 @@
+//! Client library of lexsplat.
 
+pub mod synthetic;

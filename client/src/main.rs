@@ -1,1 +1,33 @@
-fn main() {}
+//! The command line `lexsplat`: turns arguments into calls of one file per command, and results into
+//! exit codes (0 done, 1 failed, 2 wrong usage).
+
+mod command;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Stream RGB-D data to a lexsplat server and ask it where things are.
+#[derive(Parser)]
+#[command(name = "lexsplat", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Synth(command::synth::Synth),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Synth(arguments) => command::synth::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("lexsplat: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

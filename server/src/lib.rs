@@ -1,1 +1,165 @@
+//! lexsplat's server: robots stream RGB-D to it over gRPC, it builds a map of 3D Gaussians with
+//! language in it, and answers questions in plain words over HTTP.
+//!
+//! [`run`] is the whole server: it takes listeners that are bound already and any future as the sign to
+//! stop, so that tests bind port 0 and stop when they like.
 
+pub mod config;
+pub mod export;
+pub mod http;
+pub mod ingest;
+pub mod pipeline;
+pub mod store;
+pub mod telemetry;
+pub mod web;
+
+pub use config::Config;
+
+use ingest::{IngestError, MappingService};
+use pipeline::engine::{Engine, StartError};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use store::{Store, StoreError};
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+
+/// Where the server listens: bound already.
+pub struct Listeners {
+    /// For robots.
+    pub grpc: TcpListener,
+    /// For questions.
+    pub http: TcpListener,
+}
+
+/// Why the server does not start, or stopped by itself.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// No adapter, no networks, no thread.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The data directory cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A listener failed.
+    #[error("a listener failed")]
+    Listener(#[from] std::io::Error),
+    /// gRPC failed.
+    #[error(transparent)]
+    Ingest(#[from] IngestError),
+    /// A part of the server panicked.
+    #[error("{0} panicked: the log says where")]
+    Panicked(&'static str),
+}
+
+/// What a started server says of itself.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Ready {
+    /// Always "ready".
+    pub event: &'static str,
+    /// Where gRPC listens.
+    pub grpc: SocketAddr,
+    /// Where HTTP listens.
+    pub http: SocketAddr,
+    /// What renders.
+    pub adapter: String,
+    /// The networks.
+    pub bundle: String,
+}
+
+/// Starts the pipeline and serves until `shutdown` resolves; then finishes what is in hand.
+///
+/// # Errors
+/// [`RunError`] says what is missing and what to do about it.
+pub async fn run(
+    listeners: Listeners,
+    config: Config,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), RunError> {
+    let pipeline = config.pipeline();
+    // Opening the adapter and loading networks takes seconds.
+    let engine = tokio::task::spawn_blocking(move || Engine::start(pipeline))
+        .await
+        .map_err(|_| RunError::Panicked("starting the pipeline"))??;
+    serve(Arc::new(engine), listeners, config, |_| {}, shutdown).await
+}
+
+/// Serves `engine` until `shutdown` resolves; calls `on_ready` when the kept maps are rebuilt and
+/// robots are let in.
+///
+/// # Errors
+/// [`RunError`].
+pub async fn serve(
+    engine: Arc<Engine>,
+    listeners: Listeners,
+    config: Config,
+    on_ready: impl FnOnce(&Ready),
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), RunError> {
+    telemetry::recorder();
+    let store = Store::open(config.server.data_dir.as_deref())?;
+    let stopping = CancellationToken::new();
+    let _stop_on_return = stopping.clone().drop_guard();
+    let ready = Ready {
+        event: "ready",
+        grpc: listeners.grpc.local_addr()?,
+        http: listeners.http.local_addr()?,
+        adapter: engine.adapter().into(),
+        bundle: engine.bundle().into(),
+    };
+    let (is_ready, ready_state) = watch::channel(false);
+    let router = http::router(http::Context {
+        engine: engine.clone(),
+        store: store.clone(),
+        config: config.http.clone(),
+        ready: ready_state,
+        stopping: stopping.clone(),
+    });
+    let http_stop = stopping.clone().cancelled_owned();
+    let mut http = tokio::spawn(async move {
+        axum::serve(listeners.http, router).with_graceful_shutdown(http_stop).await
+    });
+    tokio::pin!(shutdown);
+    let limits = (&config.ingest).into();
+    let rebuilt = tokio::select! {
+        rebuilt = store::replay(&store, &engine, &limits) => rebuilt.map(|()| true)?,
+        () = &mut shutdown => false,
+    };
+    let service =
+        MappingService::new(engine.clone(), store, &config.ingest, stopping.clone());
+    let mut grpc = tokio::spawn(service.serve(listeners.grpc));
+    let mut grpc_ended = None;
+    let mut http_ended = None;
+    if rebuilt {
+        is_ready.send_replace(true);
+        on_ready(&ready);
+        tokio::select! {
+            () = &mut shutdown => {}
+            ended = &mut grpc => grpc_ended = Some(ended),
+            ended = &mut http => http_ended = Some(ended),
+        }
+    }
+    tracing::info!("stopping: open calls may finish");
+    stopping.cancel();
+    let patience = Duration::from_secs(config.server.shutdown_seconds);
+    let ends = async {
+        let grpc_ended = match grpc_ended {
+            Some(ended) => ended,
+            None => (&mut grpc).await,
+        };
+        let http_ended = match http_ended {
+            Some(ended) => ended,
+            None => (&mut http).await,
+        };
+        grpc_ended.map_err(|_| RunError::Panicked("the gRPC server"))??;
+        http_ended.map_err(|_| RunError::Panicked("the HTTP server"))??;
+        Ok(())
+    };
+    let ended = tokio::time::timeout(patience, ends).await;
+    engine.shutdown().await;
+    ended.unwrap_or_else(|_| {
+        tracing::warn!(?patience, "calls were still open and were cut off");
+        Ok(())
+    })
+}

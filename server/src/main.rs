@@ -1,1 +1,119 @@
-fn main() {}
+//! The `lexsplat-server` binary: settings in, exit code out; [`lexsplat_server`] is the program.
+
+use anyhow::Context as _;
+use clap::Parser;
+use lexsplat_server::pipeline::engine::Engine;
+use lexsplat_server::{Config, Listeners, Ready, serve, telemetry};
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use tokio::net::TcpListener;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Maps what robots see and answers where things are.
+///
+/// Example: lexsplat-server --data-dir maps --http 0.0.0.0:8080
+#[derive(Parser)]
+#[command(name = "lexsplat-server", version)]
+struct Arguments {
+    /// Settings in TOML; every one is also LEXSPLAT__SECTION__KEY in the environment
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Keep accepted frames here, so that maps survive a restart
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+    /// Where robots connect; port 0 picks a free one
+    #[arg(long, value_name = "ADDR")]
+    grpc: Option<String>,
+    /// Where questions are asked; port 0 picks a free one
+    #[arg(long, value_name = "ADDR")]
+    http: Option<String>,
+    /// The folder of a bundle of networks
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Render on the adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// Print the settings that are in force, as TOML, and stop
+    #[arg(long)]
+    print_config: bool,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match start(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // The whole chain of causes on one line.
+            let line = format!("{error:#}").replace('\n', " ");
+            eprintln!("lexsplat-server: {line}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn start(arguments: Arguments) -> anyhow::Result<()> {
+    let print = arguments.print_config;
+    let config = settings(arguments)?;
+    if print {
+        print!("{}", toml::to_string(&config).context("the settings are not TOML")?);
+        return Ok(());
+    }
+    telemetry::start_logs(&config.telemetry)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the runtime")?;
+    runtime.block_on(run(config))
+}
+
+/// The file and the environment, then the command line.
+fn settings(arguments: Arguments) -> anyhow::Result<Config> {
+    let mut config = Config::load(arguments.config.as_deref())?;
+    let Arguments { data_dir, grpc, http, models, adapter, .. } = arguments;
+    config.server.data_dir = data_dir.or(config.server.data_dir);
+    config.server.grpc = grpc.unwrap_or(config.server.grpc);
+    config.server.http = http.unwrap_or(config.server.http);
+    config.language.models = models.unwrap_or(config.language.models);
+    config.gpu.adapter = adapter.or(config.gpu.adapter);
+    config.check()?;
+    Ok(config)
+}
+
+async fn run(config: Config) -> anyhow::Result<()> {
+    // Before anything slow, so that an early signal is not missed.
+    let mut terminate = signal(SignalKind::terminate()).context("cannot wait for SIGTERM")?;
+    let mut interrupt = signal(SignalKind::interrupt()).context("cannot wait for SIGINT")?;
+    let stop = async move {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+    };
+    let listeners = Listeners {
+        grpc: bind("server.grpc", &config.server.grpc).await?,
+        http: bind("server.http", &config.server.http).await?,
+    };
+    let pipeline = config.pipeline();
+    let engine = tokio::task::spawn_blocking(move || Engine::start(pipeline))
+        .await
+        .context("starting the pipeline panicked")??;
+    serve(Arc::new(engine), listeners, config, say_ready, stop).await?;
+    Ok(())
+}
+
+async fn bind(key: &str, address: &str) -> anyhow::Result<TcpListener> {
+    TcpListener::bind(address).await.with_context(|| {
+        format!("cannot listen on {address} ({key}): choose another address, or port 0 for a free one")
+    })
+}
+
+/// One line of JSON on standard output; whoever started the server may not read it.
+fn say_ready(ready: &Ready) {
+    let line = serde_json::to_string(ready).expect("addresses and names are JSON");
+    let mut out = std::io::stdout().lock();
+    if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
+        tracing::warn!("nobody reads standard output");
+    }
+}

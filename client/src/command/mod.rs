@@ -1,0 +1,3 @@
+//! One file per command of `lexsplat`.
+
+pub mod synth;

@@ -1,0 +1,129 @@
+//! Typed buffers: a [`Buffer<T>`] is `len` values of `T` in device memory that kernels read and write.
+//!
+//! Allocation is checked (limits, error scope); nothing here dispatches.
+
+use std::marker::PhantomData;
+use std::ops::Deref;
+
+use bytemuck::Pod;
+
+use crate::device::Gpu;
+use crate::error::GpuError;
+
+/// `len` values of `T` on the device; zero when new.
+pub struct Buffer<T> {
+    raw: wgpu::Buffer,
+    len: usize,
+    kind: PhantomData<fn() -> T>,
+}
+
+impl<T> Deref for Buffer<T> {
+    type Target = wgpu::Buffer;
+
+    fn deref(&self) -> &wgpu::Buffer {
+        &self.raw
+    }
+}
+
+impl<T: Pod> Buffer<T> {
+    /// Allocates `len` zeros; a buffer of length zero still holds one value, since a binding may not
+    /// be empty.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`] when the adapter's limits or its memory do not allow it.
+    pub fn new(gpu: &Gpu, label: &str, len: usize) -> Result<Self, GpuError> {
+        let bytes = (len.max(1) * size_of::<T>()) as u64;
+        let refuse =
+            |reason: String| GpuError::OutOfMemory { label: label.to_owned(), bytes, reason };
+        let limit = largest_binding(gpu);
+        if bytes > limit {
+            return Err(refuse(format!("the adapter binds at most {limit} bytes")));
+        }
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_SRC
+                | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        };
+        let raw = gpu.scoped(|device| device.create_buffer(&descriptor)).map_err(refuse)?;
+        Ok(Self { raw, len, kind: PhantomData })
+    }
+
+    /// Allocates and fills a buffer.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn from_slice(gpu: &Gpu, label: &str, values: &[T]) -> Result<Self, GpuError> {
+        let buffer = Self::new(gpu, label, values.len())?;
+        buffer.write(gpu, 0, values);
+        Ok(buffer)
+    }
+
+    /// Writes `values` from element `start` on. Must fit.
+    pub fn write(&self, gpu: &Gpu, start: usize, values: &[T]) {
+        assert!(start + values.len() <= self.len, "write beyond the end of a buffer");
+        if !values.is_empty() {
+            let offset = (start * size_of::<T>()) as u64;
+            gpu.queue().write_buffer(&self.raw, offset, bytemuck::cast_slice(values));
+        }
+    }
+
+    /// Waits for the device and reads the first `len` values back.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`] when the device is gone.
+    pub fn read(&self, gpu: &Gpu, len: usize) -> Result<Vec<T>, GpuError> {
+        assert!(len <= self.len, "read beyond the end of a buffer");
+        let bytes = read_bytes(gpu, &[(&self.raw, (len * size_of::<T>()) as u64)])?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// True if it holds no value.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+}
+
+/// The largest storage binding, in bytes.
+pub fn largest_binding(gpu: &Gpu) -> u64 {
+    gpu.limits().max_storage_buffer_binding_size.min(gpu.limits().max_buffer_size)
+}
+
+/// Waits for the device and reads the first bytes of several buffers, one after the other. Sizes are
+/// multiples of four.
+pub(crate) fn read_bytes(gpu: &Gpu, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
+    let total: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
+    if total == 0 {
+        gpu.wait()?;
+        return Ok(Vec::new());
+    }
+    let descriptor = wgpu::BufferDescriptor {
+        label: Some("read back"),
+        size: total,
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    };
+    let staging = gpu.scoped(|device| device.create_buffer(&descriptor)).map_err(|reason| {
+        GpuError::OutOfMemory { label: "read back".to_owned(), bytes: total, reason }
+    })?;
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    let mut offset = 0;
+    for (buffer, bytes) in parts.iter().filter(|(_, bytes)| *bytes > 0) {
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, offset, *bytes);
+        offset += bytes;
+    }
+    gpu.queue().submit([encoder.finish()]);
+    staging.map_async(wgpu::MapMode::Read, .., |_| ());
+    gpu.wait()?;
+    let view = staging
+        .get_mapped_range(..)
+        .map_err(|error| GpuError::DeviceLost(format!("read-back failed: {error}")))?;
+    Ok(view.to_vec())
+}

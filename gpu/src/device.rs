@@ -1,0 +1,151 @@
+//! The adapter, its device and its queue. Vulkan only; Mesa's llvmpipe is an adapter like any other.
+//!
+//! Everything that can fail on the device ends as a [`GpuError`], never as a panic: allocations run
+//! in error scopes, and what the driver reports late is kept until the next wait.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::error::GpuError;
+
+/// A device and its queue; cloning shares them.
+#[derive(Clone)]
+pub struct Gpu {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    name: String,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    limits: wgpu::Limits,
+    fault: Arc<Mutex<Option<Fault>>>,
+}
+
+#[derive(Clone)]
+enum Fault {
+    Lost(String),
+    Refused(String),
+}
+
+impl Gpu {
+    /// Opens the adapter whose name contains `adapter` (case is ignored), or the best one there is:
+    /// discrete, integrated, virtual, software.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`] when none is there or fits, [`GpuError::NoDevice`] when the driver
+    /// refuses.
+    pub fn new(adapter: Option<&str>) -> Result<Gpu, GpuError> {
+        let mut adapters = vulkan_adapters();
+        adapters.sort_by_key(|candidate| rank(candidate.get_info().device_type));
+        let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+        let fits = |name: &str| {
+            adapter.is_none_or(|wanted| name.to_lowercase().contains(&wanted.to_lowercase()))
+        };
+        let chosen = names.iter().position(|name| fits(name)).ok_or_else(|| GpuError::NoAdapter {
+            wanted: adapter.map(|wanted| format!("named {wanted:?} ")).unwrap_or_default(),
+            found: names.join(", "),
+        })?;
+        let (name, adapter) = (names[chosen].clone(), adapters.swap_remove(chosen));
+        let limits = adapter.limits();
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("lexsplat"),
+            required_limits: limits.clone(),
+            ..Default::default()
+        }))
+        .map_err(|error| GpuError::NoDevice { adapter: name.clone(), reason: error.to_string() })?;
+        let fault = watch(&device);
+        tracing::info!(adapter = %name, "device opened");
+        Ok(Gpu { inner: Arc::new(Inner { name, device, queue, limits, fault }) })
+    }
+
+    /// The name that the driver gives the adapter.
+    pub fn adapter_name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// Names of all Vulkan adapters of this machine.
+    pub fn adapters() -> Vec<String> {
+        vulkan_adapters().iter().map(|adapter| adapter.get_info().name).collect()
+    }
+
+    pub(crate) fn device(&self) -> &wgpu::Device {
+        &self.inner.device
+    }
+
+    pub(crate) fn queue(&self) -> &wgpu::Queue {
+        &self.inner.queue
+    }
+
+    pub(crate) fn limits(&self) -> &wgpu::Limits {
+        &self.inner.limits
+    }
+
+    /// Runs `make` and returns what it made, or the first error that the device reports about it.
+    pub(crate) fn scoped<T>(&self, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, String> {
+        let device = self.device();
+        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make(device);
+        let refused = pollster::block_on(validation.pop());
+        let exhausted = pollster::block_on(memory.pop());
+        match refused.or(exhausted) {
+            None => Ok(made),
+            Some(error) => Err(error.to_string()),
+        }
+    }
+
+    /// Waits until the device has done all that was submitted.
+    pub(crate) fn wait(&self) -> Result<(), GpuError> {
+        let polled = self.device().poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        polled.map(|_| ()).map_err(|error| GpuError::DeviceLost(error.to_string()))
+    }
+
+    /// The fault that the driver reported since the device was opened, if any.
+    pub(crate) fn check(&self) -> Result<(), GpuError> {
+        let fault = self.inner.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        match fault.clone() {
+            None => Ok(()),
+            Some(Fault::Lost(reason)) => Err(GpuError::DeviceLost(reason)),
+            Some(Fault::Refused(reason)) => Err(GpuError::Validation(reason)),
+        }
+    }
+}
+
+fn vulkan_adapters() -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::VULKAN,
+        flags: wgpu::InstanceFlags::empty(),
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN))
+}
+
+fn rank(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// Keeps the first fault that the driver reports outside of an error scope.
+fn watch(device: &wgpu::Device) -> Arc<Mutex<Option<Fault>>> {
+    let fault = Arc::new(Mutex::new(None));
+    let keep = |slot: &Mutex<Option<Fault>>, found: Fault| {
+        slot.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(found);
+    };
+    let slot = fault.clone();
+    device.set_device_lost_callback(move |reason, message| {
+        if reason != wgpu::DeviceLostReason::Destroyed {
+            keep(&slot, Fault::Lost(message));
+        }
+    });
+    let slot = fault.clone();
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        keep(&slot, Fault::Refused(error.to_string()));
+    }));
+    fault
+}

@@ -1,0 +1,84 @@
+//! The one error type of this package. It names what was asked, what was expected and what was found.
+
+/// What can go wrong between the host and the device.
+#[derive(Debug, thiserror::Error)]
+pub enum GpuError {
+    /// No adapter, or none whose name contains what was asked for.
+    #[error(
+        "no vulkan adapter {wanted}found: have [{found}]; install a driver, or Mesa's llvmpipe to run \
+         on the processor (Debian: mesa-vulkan-drivers)"
+    )]
+    NoAdapter {
+        /// The requested name, quoted, or nothing.
+        wanted: String,
+        /// Names of the adapters that are there.
+        found: String,
+    },
+    /// The adapter is there but gives no device.
+    #[error("adapter {adapter} gives no device: {reason}")]
+    NoDevice {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// The adapter cannot run a kernel of this size.
+    #[error("adapter is too small: {limit} is {found}, needed {needed}")]
+    Limit {
+        /// Name of the limit.
+        limit: &'static str,
+        /// What the adapter offers.
+        found: u64,
+        /// What is needed.
+        needed: u64,
+    },
+    /// The device was lost; every object made from it is dead.
+    #[error("device lost: {0}")]
+    DeviceLost(String),
+    /// A buffer could not be allocated.
+    #[error("out of device memory: buffer {label} of {bytes} bytes: {reason}")]
+    OutOfMemory {
+        /// Which buffer.
+        label: String,
+        /// Its size.
+        bytes: u64,
+        /// The driver's words, or the limit it broke.
+        reason: String,
+    },
+    /// A shader or a pipeline was refused.
+    #[error("kernel {kernel} does not compile: {reason}")]
+    Kernel {
+        /// Which kernel.
+        kernel: &'static str,
+        /// The compiler's words.
+        reason: String,
+    },
+    /// The device refused a command: a fault of this package.
+    #[error("device refused a command: {0}")]
+    Validation(String),
+    /// Two sizes that must agree do not.
+    #[error("{what}: expected {expected}, found {found}")]
+    ShapeMismatch {
+        /// Which field.
+        what: &'static str,
+        /// What it must be.
+        expected: usize,
+        /// What it is.
+        found: usize,
+    },
+    /// A value is outside what the pass can use.
+    #[error("{what}: expected {expected}, found {found}")]
+    BadValue {
+        /// Which field.
+        what: &'static str,
+        /// What it must be.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+    },
+}
+
+/// `Ok` if the two sizes agree, a [`GpuError::ShapeMismatch`] that names them if not.
+pub fn expect_len(what: &'static str, expected: usize, found: usize) -> Result<(), GpuError> {
+    if expected == found { Ok(()) } else { Err(GpuError::ShapeMismatch { what, expected, found }) }
+}

@@ -1,0 +1,213 @@
+//! Every constant and struct that both Rust and WGSL see. The WGSL header is made from this file; a
+//! test without a device compares size, offsets and names through naga.
+//!
+//! Arrays of parameters are plain `vec4<f32>` rows: a mean is one row (x, y, z, 0), a head's geometry
+//! two rows (rotation w x y z; log scale x y z, opacity logit), a feature `channels / 4` rows rounded
+//! up and filled with zeros.
+
+use std::fmt::Write as _;
+
+/// One row of parameters, of an image or of a record.
+pub type Row = [f32; 4];
+
+macro_rules! constants {
+    ($($(#[$doc:meta])* $name:ident: $kind:ident = $value:expr;)*) => {
+        $($(#[$doc])* pub const $name: $kind = $value;)*
+
+        fn write_constants(text: &mut String) {
+            $(let _ = writeln!(text, "const {}: {} = {:?};", stringify!($name), stringify!($kind), $name);)*
+        }
+    };
+}
+
+macro_rules! structs {
+    ($($(#[$doc:meta])* $name:ident {
+        $($(#[$field_doc:meta])* $field:ident: $kind:ty => $wgsl:literal,)*
+    })*) => {
+        $($(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $kind,)* })*
+
+        /// Every struct above, as WGSL must see it.
+        pub const STRUCTS: &[Struct] = &[$(Struct {
+            name: stringify!($name),
+            size: size_of::<$name>(),
+            fields: &[$(Field {
+                name: stringify!($field),
+                offset: std::mem::offset_of!($name, $field),
+                wgsl: $wgsl,
+            },)*],
+        },)*];
+    };
+}
+
+/// A struct of this file.
+pub struct Struct {
+    /// Name in Rust and in WGSL.
+    pub name: &'static str,
+    /// Size in bytes.
+    pub size: usize,
+    /// Its fields, in order.
+    pub fields: &'static [Field],
+}
+
+/// A field of a struct of this file.
+pub struct Field {
+    /// Name in Rust and in WGSL.
+    pub name: &'static str,
+    /// Bytes from the start of the struct.
+    pub offset: usize,
+    /// Type in WGSL.
+    pub wgsl: &'static str,
+}
+
+constants! {
+    /// Threads per workgroup of the kernels with one thread per element.
+    GROUP: u32 = 64;
+    /// Elements that one thread sums or scans.
+    RUN: u32 = 64;
+    /// Elements that one thread sorts.
+    SORT_RUN: u32 = 32;
+    /// Bits of the key per sorting pass.
+    DIGIT_BITS: u32 = 4;
+    /// Values of a digit.
+    DIGITS: u32 = 16;
+    /// Width and height of a tile, in pixels.
+    TILE: u32 = 16;
+    /// Threads per tile.
+    LANES: u32 = 32;
+    /// Gaussians nearer than this, in metres, are not drawn.
+    NEAR: f32 = 0.1;
+    /// Gaussians farther than this, in metres, are not drawn.
+    FAR: f32 = 1e6;
+    /// Added to the diagonal of the projected covariance, in square pixels (facts 5.1).
+    DILATION: f32 = 0.3;
+    /// A blend never gets more opaque than this.
+    MAX_ALPHA: f32 = 0.99;
+    /// A blend below this, 1/255, is skipped.
+    MIN_ALPHA: f32 = 0.003_921_569;
+    /// A pixel is full before its transmittance falls below this.
+    MIN_TRANSMITTANCE: f32 = 1e-4;
+    /// The projection's Jacobian is taken within this multiple of the field of view.
+    VIEW_MARGIN: f32 = 1.3;
+    /// Logarithms of scales are used within ± this.
+    LOG_SCALE_LIMIT: f32 = 20.0;
+    /// Decay of the optimiser's first moment.
+    BETA_FIRST: f32 = 0.9;
+    /// Decay of the optimiser's second moment.
+    BETA_SECOND: f32 = 0.999;
+    /// Keeps the optimiser's division finite (facts 4.7).
+    EPSILON: f32 = 1e-15;
+    /// Gradients from here on are not followed: their squares would not be finite.
+    MAX_GRADIENT: f32 = 1e15;
+    /// Absolute values from here on count as not finite.
+    HUGE: f32 = 1e30;
+}
+
+structs! {
+    /// The camera and the sizes of one pass.
+    PassArguments {
+        /// First row of `camera_from_world`.
+        camera_x: Row => "vec4<f32>",
+        /// Second row.
+        camera_y: Row => "vec4<f32>",
+        /// Third row.
+        camera_z: Row => "vec4<f32>",
+        /// Focal lengths, in pixels.
+        focal: [f32; 2] => "vec2<f32>",
+        /// Principal point, in pixels.
+        centre: [f32; 2] => "vec2<f32>",
+        /// Largest |x/z| and |y/z| that the Jacobian sees.
+        limit: [f32; 2] => "vec2<f32>",
+        /// Width and height, in pixels.
+        size: [u32; 2] => "vec2<u32>",
+        /// Columns and rows of tiles.
+        tiles: [u32; 2] => "vec2<u32>",
+        /// Number of Gaussians.
+        count: u32 => "u32",
+        /// Number of hits that the lists hold.
+        capacity: u32 => "u32",
+    }
+    /// A Gaussian as one camera sees it.
+    Splat {
+        /// Centre, in pixels.
+        mean: [f32; 2] => "vec2<f32>",
+        /// Half width and height of the visible ellipse, in pixels.
+        extent: [f32; 2] => "vec2<f32>",
+        /// Inverse covariance: xx, xy, yy.
+        conic: [f32; 3] => "vec3<f32>",
+        /// Opacity in (0, 1).
+        opacity: f32 => "f32",
+        /// z in the camera, metres.
+        depth: f32 => "f32",
+        /// Squared Mahalanobis distance at which alpha falls to `MIN_ALPHA`.
+        reach: f32 => "f32",
+        /// Fills the struct to 48 bytes.
+        unused: [f32; 2] => "vec2<f32>",
+    }
+    /// What the backward blend must know of a pixel.
+    PixelState {
+        /// Light that passes all Gaussians.
+        transmittance: f32 => "f32",
+        /// One more than the sorted index of the last hit that was blended; 0 for none.
+        last: u32 => "u32",
+    }
+    /// How many hits a pass wanted and how many it drew.
+    HitCount {
+        /// Hits in the lists.
+        drawn: u32 => "u32",
+        /// Hits that there are; more than `drawn` means that the lists overflowed.
+        wanted: u32 => "u32",
+    }
+    /// For kernels over a flat array.
+    ArrayArguments {
+        /// Number of elements.
+        count: u32 => "u32",
+        /// Kernel's own: shift of the digit, rows per element, or the slot of a result.
+        detail: u32 => "u32",
+    }
+    /// For the loss kernels.
+    LossArguments {
+        /// Number of pixels, or of Gaussians.
+        count: u32 => "u32",
+        /// Rows per pixel of a language image.
+        rows: u32 => "u32",
+        /// Factor of the first term, divided by the number of values it averages.
+        first: f32 => "f32",
+        /// Factor of the second term, likewise.
+        second: f32 => "f32",
+    }
+    /// For the optimiser.
+    AdamArguments {
+        /// Learning rates of an even row.
+        even: Row => "vec4<f32>",
+        /// Learning rates of an odd row.
+        odd: Row => "vec4<f32>",
+        /// Number of rows.
+        count: u32 => "u32",
+        /// Rows per Gaussian.
+        rows: u32 => "u32",
+        /// Fills the struct to 48 bytes.
+        unused: [u32; 2] => "vec2<u32>",
+    }
+}
+
+/// Rows that hold `channels` values.
+pub const fn rows_for(channels: usize) -> usize {
+    channels.div_ceil(4)
+}
+
+/// Constants and structs in WGSL.
+pub fn wgsl_header() -> String {
+    let mut text = String::new();
+    write_constants(&mut text);
+    for layout in STRUCTS {
+        let _ = writeln!(text, "struct {} {{", layout.name);
+        for field in layout.fields {
+            let _ = writeln!(text, "    {}: {},", field.name, field.wgsl);
+        }
+        text.push_str("}\n");
+    }
+    text
+}

@@ -1,0 +1,22 @@
+// first |rgb - target| + second |D - D_gt| of a pixel, and its gradient. A negative target is no
+// measurement.
+
+@group(0) @binding(0) var<uniform> arguments: LossArguments;
+@group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> target_: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> gradients: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> terms: array<vec4<f32>>;
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+        @builtin(local_invocation_index) lane: u32) {
+    let pixel = linear_thread(group, groups, lane);
+    if pixel >= arguments.count { return; }
+    let wanted = target_[pixel];
+    let off = image[pixel] - wanted;
+    let factor = vec4<f32>(vec3<f32>(arguments.first), arguments.second);
+    let used = select(vec4<f32>(0.0), factor, wanted >= vec4<f32>(0.0));
+    gradients[pixel] = used * sign(off);
+    let term = used * abs(off);
+    terms[pixel] = vec4<f32>(term.x + term.y + term.z, term.w, 0.0, 0.0);
+}

@@ -1,0 +1,181 @@
+//! Losses with their gradients, fused: one thread per pixel or per Gaussian (facts 4.6, 4.8).
+//!
+//! - colour: `w_c mean|rgb - target|` where colour is valid, plus `w_d mean|D - D_gt|` where depth was
+//!   measured. D is the blended depth, not divided by opacity, as in the paper: where the map is thin
+//!   the gradient asks for more opacity as well as for another depth.
+//! - language: `w_l mean|codes - target|` over all pixels and channels.
+//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|` over all Gaussians, axes.
+//!
+//! Every mean is over its own valid values. The gradient of |x| at 0 is 0.
+
+use crate::buffer::Buffer;
+use crate::device::Gpu;
+use crate::error::GpuError;
+use crate::kernel::{Kernel, Recorder};
+use crate::layout::{LossArguments, Row};
+use crate::shader::{Access, GRID, SCALES, Shader};
+use crate::target::{ColourTarget, LanguageTarget};
+
+pub mod oracle;
+
+/// Factors of the terms of the loss; a term with factor 0 is off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossWeights {
+    /// Of the colour's mean absolute error; colours are in [0, 1].
+    pub colour: f32,
+    /// Of the depth's mean absolute error, metres.
+    pub depth: f32,
+    /// Of the codes' mean absolute error.
+    pub language: f32,
+    /// Of the mean distance of a colour scale from the Gaussian's mean scale, metres.
+    pub isotropic: f32,
+    /// Of the mean distance of a language scale from the colour scale, metres.
+    pub tie: f32,
+}
+
+impl Default for LossWeights {
+    /// The paper's (facts 4.1, 4.6, 4.8).
+    fn default() -> Self {
+        Self { colour: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, tie: 10.0 }
+    }
+}
+
+/// Terms of the loss of one step, each with its factor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Colour term.
+    pub colour: f32,
+    /// Depth term.
+    pub depth: f32,
+    /// Language term.
+    pub language: f32,
+    /// Isotropy term.
+    pub isotropic: f32,
+    /// Term that ties language scales to colour scales.
+    pub tie: f32,
+}
+
+impl Losses {
+    /// Sum of all terms.
+    pub fn total(&self) -> f32 {
+        self.colour + self.depth + self.language + self.isotropic + self.tie
+    }
+}
+
+/// The kernels.
+pub struct Loss {
+    colour: Kernel,
+    language: Kernel,
+    isotropic: Kernel,
+    tie: Kernel,
+}
+
+/// This kernel's shaders.
+pub fn shaders() -> [Shader; 4] {
+    use Access::{Read, Write};
+    let shader = |label, text, bindings| Shader {
+        label,
+        entry: "main",
+        parts: vec![GRID, SCALES, text],
+        constants: Vec::new(),
+        bindings,
+    };
+    [
+        shader("loss_colour", include_str!("colour.wgsl"), vec![Read, Read, Write, Write]),
+        shader("loss_language", include_str!("language.wgsl"), vec![Read, Read, Write, Write]),
+        shader("loss_isotropic", include_str!("isotropic.wgsl"), vec![Read, Write, Write]),
+        shader("loss_tie", include_str!("tie.wgsl"), vec![Read, Read, Write, Write]),
+    ]
+}
+
+/// `weight / values`, and 0 when there is no value to average.
+fn share(weight: f32, values: usize) -> f32 {
+    if values == 0 { 0.0 } else { weight / values as f32 }
+}
+
+impl Loss {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let [colour, language, isotropic, tie] = shaders();
+        Ok(Self {
+            colour: Kernel::new(gpu, &colour)?,
+            language: Kernel::new(gpu, &language)?,
+            isotropic: Kernel::new(gpu, &isotropic)?,
+            tie: Kernel::new(gpu, &tie)?,
+        })
+    }
+
+    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (colour, depth, 0, 0).
+    pub fn colour(
+        &self,
+        recorder: &mut Recorder<'_>,
+        target: &ColourTarget,
+        weights: &LossWeights,
+        (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+    ) {
+        let target = target.inner();
+        let arguments = LossArguments {
+            count: target.rows.len() as u32,
+            rows: 1,
+            first: share(weights.colour, 3 * target.colour_pixels),
+            second: share(weights.depth, target.depth_pixels),
+        };
+        let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
+        recorder.dispatch_threads(&self.colour, &arguments, &buffers, target.rows.len());
+    }
+
+    /// dL/dimage into `gradients`, the term of each pixel into `terms` (language, 0, 0, 0).
+    pub fn language(
+        &self,
+        recorder: &mut Recorder<'_>,
+        target: &LanguageTarget,
+        weights: &LossWeights,
+        (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+    ) {
+        let target = target.inner();
+        let pixels = target.width as usize * target.height as usize;
+        let arguments = LossArguments {
+            count: pixels as u32,
+            rows: target.rows.len().checked_div(pixels).unwrap_or(0) as u32,
+            first: share(weights.language, pixels * target.channels),
+            second: 0.0,
+        };
+        let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
+        recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
+    }
+
+    /// Adds the gradient of the isotropy term to that of the colour geometry; `terms` gets
+    /// (isotropic, 0, 0, 0) of each of the `count` Gaussians.
+    pub fn isotropic(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (weight, count): (f32, usize),
+        colour: &Buffer<Row>,
+        (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
+    ) {
+        let arguments = shape_arguments(weight, count);
+        let buffers: [&wgpu::Buffer; 3] = [colour, gradients, terms];
+        recorder.dispatch_threads(&self.isotropic, &arguments, &buffers, count);
+    }
+
+    /// Adds the gradient of the tie term to that of the language geometry; `terms` gets
+    /// (tie, 0, 0, 0) of each of the `count` Gaussians.
+    pub fn tie(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (weight, count): (f32, usize),
+        (colour, language): (&Buffer<Row>, &Buffer<Row>),
+        (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
+    ) {
+        let arguments = shape_arguments(weight, count);
+        let buffers: [&wgpu::Buffer; 4] = [colour, language, gradients, terms];
+        recorder.dispatch_threads(&self.tie, &arguments, &buffers, count);
+    }
+}
+
+fn shape_arguments(weight: f32, count: usize) -> LossArguments {
+    LossArguments { count: count as u32, rows: 2, first: share(weight, 3 * count), second: 0.0 }
+}

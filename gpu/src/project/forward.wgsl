@@ -1,0 +1,55 @@
+// A Gaussian as one camera sees it (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T + DILATION.
+// Whatever cannot be drawn, NaN included, gets no hits and the largest key.
+
+@group(0) @binding(0) var<uniform> pass_: PassArguments;
+@group(0) @binding(1) var<storage, read> means: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> geometry: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(4) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(5) var<storage, read_write> gaussian_from_rank: array<u32>;
+@group(0) @binding(6) var<storage, read_write> hits: array<u32>;
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+        @builtin(local_invocation_index) lane: u32) {
+    let gaussian = linear_thread(group, groups, lane);
+    if gaussian >= pass_.count { return; }
+    keys[gaussian] = 0xffffffffu;
+    gaussian_from_rank[gaussian] = gaussian;
+    hits[gaussian] = 0u;
+    let shape = geometry[2u * gaussian + 1u];
+    let q = geometry[2u * gaussian];
+    let p = camera_point(means[gaussian].xyz);
+    let norm = length(q);
+    let opacity = 1.0 / (1.0 + exp(-shape.w));
+    let usable = p.z > NEAR && p.z < FAR && norm > 1e-12 && norm < HUGE && opacity >= MIN_ALPHA
+        && is_finite(p.x) && is_finite(p.y)
+        && is_finite(shape.x) && is_finite(shape.y) && is_finite(shape.z);
+    if !usable { return; }
+    let s = scales(shape.xyz);
+    var camera_from_local = camera_rotation() * rotation(q / norm);
+    camera_from_local[0] *= s.x;
+    camera_from_local[1] *= s.y;
+    camera_from_local[2] *= s.z;
+    let sigma = covariance(projected_root(p, camera_from_local));
+    let mean = pass_.focal * p.xy / p.z + pass_.centre;
+    let drawable = sigma.w > 0.0 && sigma.w < HUGE && is_finite(sigma.x) && is_finite(sigma.z)
+        && is_finite(mean.x) && is_finite(mean.y);
+    if !drawable { return; }
+    let reach = 2.0 * log(opacity / MIN_ALPHA);
+    let extent = sqrt(max(reach, 0.0) * sigma.xz);
+    let splat =
+        Splat(mean, extent, conic_of(sigma), opacity, p.z, reach, vec2<f32>(0.0));
+    splats[gaussian] = splat;
+    let rect = tile_rect(splat);
+    var count = 0u;
+    for (var y = rect.y; y < rect.w; y++) {
+        for (var x = rect.x; x < rect.z; x++) {
+            count += select(0u, 1u, touches(splat, vec2<u32>(x, y)));
+        }
+    }
+    hits[gaussian] = count;
+    if count > 0u {
+        keys[gaussian] = bitcast<u32>(p.z);
+    }
+}

@@ -1,0 +1,159 @@
+//! What a view is compared with, on the device: uploaded once per keyframe, cheap to clone.
+
+use std::sync::Arc;
+
+use crate::buffer::Buffer;
+use crate::device::Gpu;
+use crate::error::{GpuError, expect_len};
+use crate::layout::{Row, rows_for};
+
+/// Colour and depth of one view.
+#[derive(Clone)]
+pub struct ColourTarget {
+    inner: Arc<ColourInner>,
+}
+
+pub(crate) struct ColourInner {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// r, g, b in [0, 1] and depth in metres; a negative value is no measurement.
+    pub(crate) rows: Buffer<Row>,
+    pub(crate) colour_pixels: usize,
+    pub(crate) depth_pixels: usize,
+}
+
+/// Language codes of one view, at label resolution.
+#[derive(Clone)]
+pub struct LanguageTarget {
+    inner: Arc<LanguageInner>,
+}
+
+pub(crate) struct LanguageInner {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) channels: usize,
+    pub(crate) rows: Buffer<Row>,
+}
+
+impl ColourTarget {
+    /// Uploads a view: `rgb8` is height x width x 3, `depth_metres` height x width; a depth that is
+    /// not finite or not positive is no measurement.
+    ///
+    /// # Errors
+    /// [`GpuError::ShapeMismatch`], [`GpuError::OutOfMemory`].
+    pub fn new(
+        gpu: &Gpu,
+        (width, height): (u32, u32),
+        rgb8: &[u8],
+        depth_metres: &[f32],
+    ) -> Result<Self, GpuError> {
+        Self::masked(gpu, (width, height), rgb8, depth_metres, |_| true)
+    }
+
+    /// As [`ColourTarget::new`], with colour only where `valid(pixel)`; pixels are counted row by row.
+    ///
+    /// # Errors
+    /// As [`ColourTarget::new`].
+    pub fn masked(
+        gpu: &Gpu,
+        (width, height): (u32, u32),
+        rgb8: &[u8],
+        depth_metres: &[f32],
+        valid: impl Fn(usize) -> bool,
+    ) -> Result<Self, GpuError> {
+        let pixels = width as usize * height as usize;
+        expect_len("rgb8", 3 * pixels, rgb8.len())?;
+        expect_len("depth_metres", pixels, depth_metres.len())?;
+        let rows: Vec<Row> = (0..pixels)
+            .map(|pixel| {
+                let depth = depth_metres[pixel];
+                let depth = if depth > 0.0 && depth.is_finite() { depth } else { -1.0 };
+                let unit = |channel: usize| f32::from(rgb8[3 * pixel + channel]) / 255.0;
+                let colour =
+                    if valid(pixel) { [unit(0), unit(1), unit(2)] } else { [-1.0; 3] };
+                [colour[0], colour[1], colour[2], depth]
+            })
+            .collect();
+        let inner = ColourInner {
+            width,
+            height,
+            colour_pixels: rows.iter().filter(|row| row[0] >= 0.0).count(),
+            depth_pixels: rows.iter().filter(|row| row[3] > 0.0).count(),
+            rows: Buffer::from_slice(gpu, "colour target", &rows)?,
+        };
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// Width and height, in pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.inner.width, self.inner.height)
+    }
+
+    /// Bytes on the device.
+    pub fn device_bytes(&self) -> u64 {
+        self.inner.rows.size()
+    }
+
+    pub(crate) fn inner(&self) -> &ColourInner {
+        &self.inner
+    }
+}
+
+impl LanguageTarget {
+    /// Uploads a code map: `codes` is height x width x channels, all finite.
+    ///
+    /// # Errors
+    /// [`GpuError::ShapeMismatch`], [`GpuError::BadValue`] for a code that is not finite,
+    /// [`GpuError::OutOfMemory`].
+    pub fn new(
+        gpu: &Gpu,
+        width: u32,
+        height: u32,
+        channels: usize,
+        codes: &[f32],
+    ) -> Result<Self, GpuError> {
+        let pixels = width as usize * height as usize;
+        expect_len("codes", pixels * channels, codes.len())?;
+        if let Some(bad) = codes.iter().position(|code| !code.is_finite()) {
+            let found = format!("{} at index {bad}", codes[bad]);
+            return Err(GpuError::BadValue { what: "codes", expected: "finite numbers", found });
+        }
+        let rows = pad_rows(codes, channels);
+        let rows = Buffer::from_slice(gpu, "language target", &rows)?;
+        Ok(Self { inner: Arc::new(LanguageInner { width, height, channels, rows }) })
+    }
+
+    /// Width and height, in pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.inner.width, self.inner.height)
+    }
+
+    /// Bytes on the device.
+    pub fn device_bytes(&self) -> u64 {
+        self.inner.rows.size()
+    }
+
+    pub(crate) fn inner(&self) -> &LanguageInner {
+        &self.inner
+    }
+}
+
+/// Pads each group of `channels` values with zeros to whole rows.
+pub(crate) fn pad_rows(values: &[f32], channels: usize) -> Vec<Row> {
+    let mut rows = Vec::with_capacity(values.len() / channels.max(1) * rows_for(channels));
+    for element in values.chunks(channels.max(1)) {
+        rows.extend(element.chunks(4).map(|part| {
+            let mut row = [0.0; 4];
+            row[..part.len()].copy_from_slice(part);
+            row
+        }));
+    }
+    rows
+}
+
+/// Undoes [`pad_rows`].
+pub(crate) fn unpad_rows(rows: &[Row], channels: usize) -> Vec<f32> {
+    rows.chunks(rows_for(channels).max(1))
+        .flat_map(|element| element.iter().flatten().take(channels).copied())
+        .collect()
+}

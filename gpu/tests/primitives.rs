@@ -1,0 +1,132 @@
+//! Scan, sort, sum and gather against the standard library, for lengths around every border.
+
+mod support;
+
+use lexsplat_gpu::buffer::Buffer;
+use lexsplat_gpu::gather::Gather;
+use lexsplat_gpu::kernel::Recorder;
+use lexsplat_gpu::reduce::Reduce;
+use lexsplat_gpu::scan::{self, Scan};
+use lexsplat_gpu::sort::{self, Sort};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const LENGTHS: [usize; 9] = [0, 1, 2, 63, 64, 65, 4096, 4097, 50_003];
+
+fn numbers(len: usize, below: u32) -> Vec<u32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(len as u64);
+    (0..len).map(|_| rng.random_range(0..below)).collect()
+}
+
+#[test]
+fn scan_is_the_exclusive_prefix_sum() {
+    let gpu = support::gpu();
+    let scan = Scan::new(&gpu).expect("compiles");
+    for len in LENGTHS {
+        let mut values = numbers(len, 1000);
+        let buffer = Buffer::from_slice(&gpu, "values", &values).expect("fits");
+        let scratch = scan.scratch(&gpu, len).expect("fits");
+        let mut recorder = Recorder::new(&gpu).expect("fits");
+        scan.exclusive(&mut recorder, &buffer, len, &scratch);
+        recorder.submit();
+        let found = buffer.read(&gpu, len).expect("reads");
+        assert_eq!(found, scan::oracle::exclusive(&values), "length {len}");
+        if len > 1 {
+            values[0] += 1;
+            assert_ne!(found, scan::oracle::exclusive(&values), "one more must show");
+        }
+    }
+}
+
+#[test]
+fn a_scan_that_is_too_large_stays_too_large() {
+    let gpu = support::gpu();
+    let scan = Scan::new(&gpu).expect("compiles");
+    let values = vec![u32::MAX / 100; 300];
+    let buffer = Buffer::from_slice(&gpu, "values", &values).expect("fits");
+    let scratch = scan.scratch(&gpu, 300).expect("fits");
+    let mut recorder = Recorder::new(&gpu).expect("fits");
+    scan.exclusive(&mut recorder, &buffer, 300, &scratch);
+    recorder.submit();
+    let found = buffer.read(&gpu, 300).expect("reads");
+    assert_eq!(found, scan::oracle::exclusive(&values));
+    assert_eq!(found[299], u32::MAX);
+}
+
+/// Sorts on the device, with room for a few more than there are.
+fn sorted(keys: &[u32], values: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
+    let gpu = support::gpu();
+    let sort = Sort::new(&gpu).expect("compiles");
+    let buffers = sort.buffers(&gpu, keys.len() + 100).expect("fits");
+    buffers.keys[0].write(&gpu, 0, keys);
+    buffers.values[0].write(&gpu, 0, values);
+    let count = Buffer::from_slice(&gpu, "count", &[keys.len() as u32]).expect("fits");
+    let mut recorder = Recorder::new(&gpu).expect("fits");
+    sort.sort(&mut recorder, &buffers, &count, bits);
+    recorder.submit();
+    let read = |buffer: &Buffer<u32>| buffer.read(&gpu, keys.len()).expect("reads");
+    (read(&buffers.keys[0]), read(&buffers.values[0]))
+}
+
+#[test]
+fn sort_is_stable_for_any_length_and_width() {
+    for len in LENGTHS {
+        let values: Vec<u32> = (0..len as u32).collect();
+        for (bits, below) in [(32, u32::MAX), (9, 300), (1, 2), (4, 1)] {
+            let keys = numbers(len, below);
+            let found = sorted(&keys, &values, bits);
+            let wanted = sort::oracle::sort(&keys, &values, bits);
+            assert_eq!(found, wanted, "length {len}, {bits} bits");
+        }
+    }
+}
+
+#[test]
+fn an_unstable_order_is_noticed() {
+    let keys = vec![5; 200];
+    let values: Vec<u32> = (0..200).collect();
+    let (_, mut found) = sorted(&keys, &values, 8);
+    assert_eq!(found, values);
+    found.swap(3, 4);
+    assert_ne!(found, sort::oracle::sort(&keys, &values, 8).1);
+}
+
+#[test]
+fn reduce_sums_rows_component_by_component() {
+    let gpu = support::gpu();
+    let reduce = Reduce::new(&gpu).expect("compiles");
+    for len in LENGTHS {
+        let rows: Vec<[f32; 4]> =
+            numbers(len, 100).iter().map(|n| [*n as f32, 1.0, -(*n as f32), 0.5]).collect();
+        let buffer = Buffer::from_slice(&gpu, "rows", &rows).expect("fits");
+        let results = Buffer::from_slice(&gpu, "results", &[[7.0f32; 4]; 3]).expect("fits");
+        let scratch = reduce.scratch(&gpu, len).expect("fits");
+        let mut recorder = Recorder::new(&gpu).expect("fits");
+        reduce.sum(&mut recorder, (&buffer, len), (&results, 1), &scratch);
+        recorder.submit();
+        // Small integers and halves: the sum is exact in f32.
+        let mut sum = [0.0; 4];
+        rows.iter().for_each(|row| (0..4).for_each(|i| sum[i] += row[i]));
+        let sum = if len == 0 { [7.0; 4] } else { sum };
+        let found = results.read(&gpu, 3).expect("reads");
+        assert_eq!(found, [[7.0; 4], sum, [7.0; 4]], "length {len}");
+    }
+}
+
+#[test]
+fn gather_picks_whole_elements() {
+    let gpu = support::gpu();
+    let gather = Gather::new(&gpu).expect("compiles");
+    let from: Vec<[u32; 3]> = (0..100).map(|i| [i, 10 * i, 100 * i]).collect();
+    let index = [99, 0, 7, 7];
+    let buffers = (
+        Buffer::from_slice(&gpu, "index", &index).expect("fits"),
+        Buffer::from_slice(&gpu, "from", &from).expect("fits"),
+        Buffer::<[u32; 3]>::new(&gpu, "to", 5).expect("fits"),
+    );
+    let mut recorder = Recorder::new(&gpu).expect("fits");
+    gather.gather(&mut recorder, &buffers.0, (&buffers.1, &buffers.2), 3);
+    recorder.submit();
+    let found = buffers.2.read(&gpu, 5).expect("reads");
+    assert_eq!(found, [from[99], from[0], from[7], from[7], [0; 3]]);
+}

@@ -1,0 +1,405 @@
+//! The server's settings: one struct, one section per stage folder.
+//!
+//! In, each over the one before: the defaults in code, a TOML file, the environment
+//! (`LEXSPLAT__SECTION__KEY`), the command line. Out: a [`Config`] whose values are checked.
+//! A key that nobody knows is refused, with where it stands and the nearest one that is known.
+
+use crate::pipeline::compressor::CompressorConfig;
+use crate::pipeline::encoder::LanguageConfig;
+use crate::pipeline::engine::PipelineConfig;
+use crate::pipeline::mapper::MapperConfig;
+use crate::pipeline::query::QueryConfig;
+use figment::Figment;
+use figment::error::Kind;
+use figment::providers::{Env, Format, Toml};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What the names of environment variables with settings begin with.
+const ENVIRONMENT_PREFIX: &str = "LEXSPLAT__";
+/// Between section and key in the name of an environment variable.
+const ENVIRONMENT_SEPARATOR: &str = "__";
+
+/// All settings.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Addresses and where state is kept.
+    pub server: ServerConfig,
+    /// What is taken from robots.
+    pub ingest: IngestConfig,
+    /// The adapter.
+    pub gpu: GpuConfig,
+    /// Networks.
+    pub language: LanguageConfig,
+    /// The online stage of the compression.
+    pub compressor: CompressorConfig,
+    /// The mapper.
+    pub mapper: MapperConfig,
+    /// Queries.
+    pub query: QueryConfig,
+    /// What is taken from and kept for HTTP clients.
+    pub http: HttpConfig,
+    /// Logs.
+    pub telemetry: TelemetryConfig,
+}
+
+/// Addresses and where state is kept.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ServerConfig {
+    /// Where gRPC listens; port 0 picks a free one.
+    pub grpc: String,
+    /// Where HTTP listens; port 0 picks a free one.
+    pub http: String,
+    /// Where accepted frames are kept; absent: nowhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data_dir: Option<PathBuf>,
+    /// How long open connections may take to finish when the server stops, seconds.
+    pub shutdown_seconds: u64,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self {
+            grpc: "127.0.0.1:50051".into(),
+            http: "127.0.0.1:8080".into(),
+            data_dir: None,
+            shutdown_seconds: 30,
+        }
+    }
+}
+
+/// What is taken from robots.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct IngestConfig {
+    /// The longest gRPC message, bytes.
+    pub max_message_bytes: usize,
+    /// The largest image, pixels; larger ones are refused before they are decoded.
+    pub max_pixels: u64,
+    /// Depth below this is no measurement, metres.
+    pub min_depth_metres: f32,
+    /// Depth above this is no measurement, metres.
+    pub max_depth_metres: f32,
+    /// Acknowledgements that a stream may have outstanding before it is read no further.
+    pub ack_backlog: usize,
+    /// How long a sender may take to read an acknowledgement, seconds.
+    pub ack_seconds: u64,
+    /// How long a stream may take to send its opening message, seconds.
+    pub open_seconds: u64,
+    /// How often a silent connection is asked whether it is still there, seconds.
+    pub keepalive_seconds: u64,
+    /// How long it may take to answer that, seconds.
+    pub keepalive_timeout_seconds: u64,
+}
+
+impl Default for IngestConfig {
+    fn default() -> Self {
+        Self {
+            max_message_bytes: 64 << 20,
+            max_pixels: 16 << 20,
+            min_depth_metres: 0.01,
+            max_depth_metres: 100.0,
+            ack_backlog: 64,
+            ack_seconds: 60,
+            open_seconds: 30,
+            keepalive_seconds: 20,
+            keepalive_timeout_seconds: 20,
+        }
+    }
+}
+
+/// The adapter.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GpuConfig {
+    /// Substring of the adapter's name; absent: the best there is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adapter: Option<String>,
+}
+
+/// What is taken from and kept for HTTP clients.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HttpConfig {
+    /// The longest request body, bytes.
+    pub max_body_bytes: usize,
+    /// The largest picture that is rendered, pixels.
+    pub max_render_pixels: u64,
+    /// How long a query or a picture may take, seconds.
+    pub request_seconds: u64,
+    /// Answers whose heat maps and points can still be fetched.
+    pub recent_answers: usize,
+    /// What those may take together, bytes.
+    pub recent_answers_bytes: usize,
+    /// Events of a map that a client which was away can still catch up on.
+    pub event_backlog: usize,
+    /// Origins whose pages may use this server from a browser; "*" is any. The dashboard needs none.
+    pub cors_origins: Vec<String>,
+}
+
+impl Default for HttpConfig {
+    fn default() -> Self {
+        Self {
+            max_body_bytes: 64 << 10,
+            max_render_pixels: 4 << 20,
+            request_seconds: 60,
+            recent_answers: 64,
+            recent_answers_bytes: 256 << 20,
+            event_backlog: 512,
+            cors_origins: Vec::new(),
+        }
+    }
+}
+
+/// Logs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TelemetryConfig {
+    /// What is logged: a level, or `target=level` pairs with commas between.
+    pub filter: String,
+    /// One JSON object per line instead of text.
+    pub json: bool,
+}
+
+impl Default for TelemetryConfig {
+    fn default() -> Self {
+        Self { filter: "info".into(), json: false }
+    }
+}
+
+/// Why settings are refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the config file {path}: {reason}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// A key that nobody knows.
+    #[error("{source_name}: unknown key {key:?}; the nearest known key is {nearest:?}")]
+    UnknownKey {
+        /// File or variable.
+        source_name: String,
+        /// Section and key.
+        key: String,
+        /// The most similar one that is known.
+        nearest: String,
+    },
+    /// A value of the wrong type, or no TOML.
+    #[error("{source_name}: {reason}")]
+    Invalid {
+        /// File or variables.
+        source_name: String,
+        /// What was expected and what was found.
+        reason: String,
+    },
+    /// A value that makes no sense.
+    #[error("{key} is {found}: expected {expected}")]
+    OutOfRange {
+        /// Section and key.
+        key: &'static str,
+        /// What was given.
+        found: String,
+        /// What would do.
+        expected: &'static str,
+    },
+}
+
+impl Config {
+    /// Defaults, then `file`, then the environment.
+    ///
+    /// # Errors
+    /// [`ConfigError`] says which key of which source is at fault.
+    pub fn load(file: Option<&Path>) -> Result<Self, ConfigError> {
+        let mut all = Figment::new();
+        if let Some(path) = file {
+            let text = std::fs::read_to_string(path)
+                .map_err(|reason| ConfigError::Unreadable { path: path.to_owned(), reason })?;
+            let provider = Figment::from(Toml::string(&text));
+            examine(&provider, &path.display().to_string())?;
+            all = all.merge(provider);
+        }
+        let environment =
+            Figment::from(Env::prefixed(ENVIRONMENT_PREFIX).split(ENVIRONMENT_SEPARATOR));
+        examine(&environment, &format!("environment variable {ENVIRONMENT_PREFIX}…"))?;
+        all.merge(environment).extract().map_err(|error| explain(&error, "settings"))
+    }
+
+    /// Refuses values that make no sense.
+    ///
+    /// # Errors
+    /// [`ConfigError::OutOfRange`] names the key.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let Self { ingest, http, .. } = self;
+        let at_least_one = [
+            ("ingest.max_message_bytes", ingest.max_message_bytes as u64),
+            ("ingest.max_pixels", ingest.max_pixels),
+            ("ingest.ack_backlog", ingest.ack_backlog as u64),
+            ("ingest.ack_seconds", ingest.ack_seconds),
+            ("ingest.open_seconds", ingest.open_seconds),
+            ("ingest.keepalive_seconds", ingest.keepalive_seconds),
+            ("ingest.keepalive_timeout_seconds", ingest.keepalive_timeout_seconds),
+            ("http.max_body_bytes", http.max_body_bytes as u64),
+            ("http.max_render_pixels", http.max_render_pixels),
+            ("http.request_seconds", http.request_seconds),
+            ("http.recent_answers", http.recent_answers as u64),
+            ("http.event_backlog", http.event_backlog as u64),
+        ];
+        for (key, value) in at_least_one {
+            if value == 0 {
+                let (found, expected) = ("0".into(), "at least 1");
+                return Err(ConfigError::OutOfRange { key, found, expected });
+            }
+        }
+        let (near, far) = (ingest.min_depth_metres, ingest.max_depth_metres);
+        if !(near >= 0.0 && far > near && far.is_finite()) {
+            return Err(ConfigError::OutOfRange {
+                key: "ingest.max_depth_metres",
+                found: far.to_string(),
+                expected: "more than ingest.min_depth_metres, which is at least 0",
+            });
+        }
+        Ok(())
+    }
+
+    /// What the pipeline needs of it.
+    pub fn pipeline(&self) -> PipelineConfig {
+        PipelineConfig {
+            adapter: self.gpu.adapter.clone(),
+            language: self.language.clone(),
+            compressor: self.compressor.clone(),
+            mapper: self.mapper.clone(),
+            query: self.query.clone(),
+        }
+    }
+}
+
+/// Reads one source alone, so that an error is that source's.
+fn examine(provider: &Figment, source_name: &str) -> Result<(), ConfigError> {
+    match provider.extract::<Config>() {
+        Ok(_) => Ok(()),
+        Err(error) => Err(explain(&error, source_name)),
+    }
+}
+
+fn explain(error: &figment::Error, source_name: &str) -> ConfigError {
+    let source_name = source_name.to_owned();
+    let section = error.path.join(".");
+    let Kind::UnknownField(field, known) = &error.kind else {
+        let reason = match section.is_empty() {
+            true => error.kind.to_string(),
+            false => format!("{section}: {}", error.kind),
+        };
+        return ConfigError::Invalid { source_name, reason: one_line(&reason) };
+    };
+    let nearest = known
+        .iter()
+        .max_by(|a, b| strsim::jaro_winkler(a, field).total_cmp(&strsim::jaro_winkler(b, field)))
+        .copied()
+        .unwrap_or_default();
+    let in_section = |key: &str| match section.is_empty() {
+        true => key.to_owned(),
+        // The path may or may not end in the unknown key itself.
+        false => format!("{}.{key}", section.trim_end_matches(&format!(".{field}"))),
+    };
+    ConfigError::UnknownKey { source_name, key: in_section(field), nearest: in_section(nearest) }
+}
+
+/// A parser's message with a picture of the spot in it, on one line.
+fn one_line(text: &str) -> String {
+    text.split('\n').map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");
+    const TINY_TOML: &str = include_str!("../../configs/tiny.toml");
+
+    fn parse(text: &str) -> Result<Config, ConfigError> {
+        let provider = Figment::from(Toml::string(text));
+        provider.extract().map_err(|error| explain(&error, "test.toml"))
+    }
+
+    /// Every key that `wanted` has and `found` has not.
+    fn missing(wanted: &toml::Table, found: &toml::Table) -> Vec<String> {
+        let mut keys = Vec::new();
+        for (key, value) in wanted {
+            match (value, found.get(key)) {
+                (toml::Value::Table(a), Some(toml::Value::Table(b))) => {
+                    keys.extend(missing(a, b).into_iter().map(|inner| format!("{key}.{inner}")));
+                }
+                (_, Some(_)) => {}
+                (_, None) => keys.push(key.clone()),
+            }
+        }
+        keys
+    }
+
+    #[test]
+    fn default_toml_says_what_the_code_does() {
+        assert_eq!(parse(DEFAULT_TOML).unwrap(), Config::default());
+        let code = toml::Table::try_from(Config::default()).unwrap();
+        let shipped: toml::Table = toml::from_str(DEFAULT_TOML).unwrap();
+        assert_eq!(missing(&code, &shipped), Vec::<String>::new(), "keys that the file lacks");
+    }
+
+    #[test]
+    fn the_comparison_sees_a_missing_and_a_changed_key() {
+        let code = toml::Table::try_from(Config::default()).unwrap();
+        let mut other = code.clone();
+        other["server"].as_table_mut().unwrap().remove("grpc");
+        assert_eq!(missing(&code, &other), ["server.grpc"]);
+        assert_ne!(parse("[server]\nshutdown_seconds = 31").unwrap(), Config::default());
+    }
+
+    #[test]
+    fn printed_settings_are_read_back() {
+        let printed = toml::to_string(&Config::default()).unwrap();
+        assert!(printed.contains("min_depth_metres = 0.01\n"), "{printed}");
+        assert_eq!(parse(&printed).unwrap(), Config::default());
+    }
+
+    #[test]
+    fn tiny_toml_is_accepted() {
+        parse(TINY_TOML).unwrap().check().unwrap();
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_the_nearest() {
+        let error = parse("[ingest]\nmax_pixel = 3").unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "test.toml: unknown key \"ingest.max_pixel\"; the nearest known key is \
+             \"ingest.max_pixels\""
+        );
+        let error = parse("[sever]\ngrpc = \"x\"").unwrap_err().to_string();
+        assert!(error.contains("\"sever\"") && error.contains("\"server\""), "{error}");
+        parse("[ingest]\nmax_pixels = 3").unwrap();
+    }
+
+    #[test]
+    fn a_wrong_type_is_refused_with_its_key() {
+        let error = parse("[ingest]\nmax_pixels = \"many\"").unwrap_err().to_string();
+        assert!(error.contains("ingest.max_pixels") && error.contains("many"), "{error}");
+        let error = parse("[ingest\n").unwrap_err().to_string();
+        assert!(!error.contains('\n') && error.contains("line 1"), "{error}");
+    }
+
+    #[test]
+    fn values_that_make_no_sense_are_refused() {
+        let mut config = Config::default();
+        config.check().unwrap();
+        config.ingest.ack_backlog = 0;
+        assert!(config.check().unwrap_err().to_string().contains("ingest.ack_backlog"));
+        config = Config::default();
+        config.ingest.max_depth_metres = f32::NAN;
+        assert!(config.check().unwrap_err().to_string().contains("max_depth_metres"));
+    }
+}

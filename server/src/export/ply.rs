@@ -1,0 +1,137 @@
+//! Binary little-endian PLY: splats, points and scored points.
+
+use crate::pipeline::query::ScoredPoint;
+use lexsplat_gpu::HostGaussians;
+
+/// The zeroth spherical harmonic: colour = 0.5 + this times `f_dc`.
+const SH_0: f32 = 0.282_094_79;
+/// What a splat has, in the order in which viewers expect it.
+const SPLAT_PROPERTIES: [&str; 17] = [
+    "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1",
+    "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+];
+
+fn header(count: usize, properties: &[(&str, &[&str])]) -> Vec<u8> {
+    let mut text = format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n");
+    for (kind, names) in properties {
+        for name in *names {
+            text.push_str(&format!("property {kind} {name}\n"));
+        }
+    }
+    text.push_str("end_header\n");
+    text.into_bytes()
+}
+
+fn put(out: &mut Vec<u8>, values: &[f32]) {
+    out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+}
+
+/// The colour heads as splats: logarithmic scales, opacity logits, unit quaternions (w, x, y, z) and
+/// `f_dc = (rgb - 0.5) / 0.28209`.
+pub fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
+    let head = &gaussians.colour;
+    let mut out = header(gaussians.means.len(), &[("float", &SPLAT_PROPERTIES)]);
+    for (at, mean) in gaussians.means.iter().enumerate() {
+        let rgb = &head.features[at * head.channels..][..3];
+        put(&mut out, mean);
+        put(&mut out, &[0.0; 3]);
+        put(&mut out, &[0, 1, 2].map(|channel: usize| (rgb[channel] - 0.5) / SH_0));
+        put(&mut out, &[head.opacity_logits[at]]);
+        put(&mut out, &head.log_scales[at]);
+        put(&mut out, &unit(head.rotations[at]));
+    }
+    out
+}
+
+fn unit(quaternion: [f32; 4]) -> [f32; 4] {
+    let norm = quaternion.iter().map(|part| part * part).sum::<f32>().sqrt();
+    quaternion.map(|part| part / norm.max(f32::MIN_POSITIVE))
+}
+
+/// The Gaussians' centres with 8-bit colours.
+pub fn points_ply(gaussians: &HostGaussians) -> Vec<u8> {
+    let head = &gaussians.colour;
+    let properties: [(&str, &[&str]); 2] =
+        [("float", &["x", "y", "z"]), ("uchar", &["red", "green", "blue"])];
+    let mut out = header(gaussians.means.len(), &properties);
+    for (at, mean) in gaussians.means.iter().enumerate() {
+        let rgb = &head.features[at * head.channels..][..3];
+        put(&mut out, mean);
+        out.extend(rgb.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8));
+    }
+    out
+}
+
+/// Points of an answer: `x y z score`.
+pub fn scored_points_ply(points: &[ScoredPoint]) -> Vec<u8> {
+    let mut out = header(points.len(), &[("float", &["x", "y", "z", "score"])]);
+    for point in points {
+        put(&mut out, &[point.position.x, point.position.y, point.position.z, point.score]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lexsplat_gpu::HostHead;
+    use nalgebra::Point3;
+
+    fn two() -> HostGaussians {
+        let head = |channels| HostHead {
+            rotations: vec![[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 4.0]],
+            log_scales: vec![[-1.0, -2.0, -3.0]; 2],
+            opacity_logits: vec![0.25, -0.5],
+            features: vec![0.5; 2 * channels],
+            channels,
+        };
+        let mut colour = head(3);
+        colour.features = vec![1.0, 0.5, 0.0, 0.2, 0.4, 1.7];
+        HostGaussians { means: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], colour, language: head(15) }
+    }
+
+    fn body(file: &[u8]) -> (&str, &[u8]) {
+        let end = file.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;
+        (std::str::from_utf8(&file[..end]).unwrap(), &file[end..])
+    }
+
+    fn floats(data: &[u8]) -> Vec<f32> {
+        data.chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect()
+    }
+
+    #[test]
+    fn splats_have_the_names_and_numbers_that_viewers_read() {
+        let file = splats_ply(&two());
+        let (header, data) = body(&file);
+        assert!(header.contains("element vertex 2\nproperty float x\n"), "{header}");
+        assert!(header.contains("property float rot_3\nend_header\n"), "{header}");
+        assert_eq!(data.len(), 2 * 17 * 4);
+        let row = floats(&data[..17 * 4]);
+        assert_eq!(row[..6], [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]);
+        assert!(
+            (row[6] - 1.772_45).abs() < 1e-4 && row[7] == 0.0 && (row[8] + 1.772_45).abs() < 1e-4
+        );
+        assert_eq!(row[9..13], [0.25, -1.0, -2.0, -3.0]);
+        assert_eq!(row[13..], [1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(floats(&data[17 * 4..])[13..], [0.0, 0.6, 0.0, 0.8]);
+    }
+
+    #[test]
+    fn points_have_clamped_colours() {
+        let file = points_ply(&two());
+        let (header, data) = body(&file);
+        assert!(header.contains("property uchar blue"), "{header}");
+        assert_eq!(data.len(), 2 * 15);
+        assert_eq!(data[12..15], [255, 128, 0]);
+        assert_eq!(data[27..30], [51, 102, 255]);
+    }
+
+    #[test]
+    fn scored_points_have_four_floats() {
+        let point = ScoredPoint { position: Point3::new(1.0, -2.0, 3.5), score: 0.75 };
+        let file = scored_points_ply(&[point]);
+        let (header, data) = body(&file);
+        assert!(header.contains("property float score"), "{header}");
+        assert_eq!(floats(data), [1.0, -2.0, 3.5, 0.75]);
+    }
+}

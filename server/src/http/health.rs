@@ -1,0 +1,112 @@
+//! Liveness, readiness and metrics.
+
+use super::{Problem, State};
+use crate::pipeline::map::MapStatus;
+use crate::telemetry;
+use axum::Json;
+use axum::http::header;
+use axum::response::IntoResponse;
+use serde::Serialize;
+use std::fmt::Write as _;
+use utoipa::ToSchema;
+
+/// The server as it is.
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct Health {
+    /// "alive" or "ready".
+    status: &'static str,
+    /// The adapter that renders.
+    adapter: String,
+    /// The networks.
+    bundle: String,
+    version: &'static str,
+}
+
+impl Health {
+    fn of(state: &State, status: &'static str) -> Json<Self> {
+        Json(Self {
+            status,
+            adapter: state.engine.adapter().into(),
+            bundle: state.engine.bundle().into(),
+            version: env!("CARGO_PKG_VERSION"),
+        })
+    }
+}
+
+/// Whether the process lives.
+#[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, body = Health)))]
+pub(super) async fn healthz(state: State) -> Json<Health> {
+    Health::of(&state, "alive")
+}
+
+/// Whether it takes work: not while maps are rebuilt, and not when it stops.
+#[utoipa::path(
+    get, path = "/readyz", tag = "health",
+    responses(
+        (status = 200, body = Health),
+        (status = 503, description = "not now", body = Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
+    if state.stopping.is_cancelled() {
+        return Err(Problem::unavailable("the server is stopping"));
+    }
+    if !*state.ready.borrow() {
+        return Err(Problem::unavailable("maps are being rebuilt from their logs: try again"));
+    }
+    Ok(Health::of(&state, "ready"))
+}
+
+/// Prometheus text.
+#[utoipa::path(
+    get, path = "/metrics", tag = "health",
+    responses((status = 200, body = String, content_type = "text/plain")),
+)]
+pub(super) async fn metrics(state: State) -> impl IntoResponse {
+    let recorder = telemetry::recorder();
+    recorder.run_upkeep();
+    let statuses: Vec<MapStatus> = state.engine.maps().iter().map(|map| map.status()).collect();
+    let text = recorder.render() + &of_maps(&statuses);
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text)
+}
+
+type Number = fn(&MapStatus) -> u64;
+
+/// Name, kind, meaning and value of each number of a map.
+const OF_MAP: [(&str, &str, &str, Number); 13] = [
+    ("frames_received_total", "counter", "Frames that passed the checks", |s| s.frames_received),
+    ("frames_tracked_total", "counter", "Frames with a pose", |s| s.frames_tracked),
+    ("frames_lost_total", "counter", "Frames without a pose", |s| s.frames_lost),
+    ("frames_dropped_total", "counter", "Frames accepted but never mapped", |s| s.frames_dropped),
+    ("frames_refused_total", "counter", "Frames that did not pass the checks", |s| {
+        s.frames_refused
+    }),
+    ("keyframes", "gauge", "Keyframes", |s| s.keyframes),
+    ("gaussians", "gauge", "Gaussians", |s| s.gaussians),
+    ("gpu_bytes", "gauge", "Device memory", |s| s.gpu_bytes),
+    ("revision", "gauge", "The newest snapshot", |s| s.revision),
+    ("olae_version", "gauge", "Version of the online compressor", |s| s.olae_version),
+    ("queue_depth", "gauge", "Frames that wait", |s| s.queue_depth as u64),
+    ("queue_capacity", "gauge", "Frames that may wait", |s| s.queue_capacity as u64),
+    ("settled", "gauge", "1 when the mapper has nothing to do", |s| u64::from(s.settled)),
+];
+
+/// The maps' numbers as they are now; a deleted map's are gone at once.
+fn of_maps(statuses: &[MapStatus]) -> String {
+    let mut text = format!(
+        "# HELP lexsplat_maps Maps\n# TYPE lexsplat_maps gauge\nlexsplat_maps {}\n",
+        statuses.len()
+    );
+    for (name, kind, meaning, value) in OF_MAP {
+        let name = format!("lexsplat_map_{name}");
+        let mut line = |line: std::fmt::Arguments<'_>| {
+            text.write_fmt(line).expect("writing to a string does not fail");
+        };
+        line(format_args!("# HELP {name} {meaning}\n# TYPE {name} {kind}\n"));
+        for status in statuses {
+            // A map's name has no character that would have to be escaped.
+            line(format_args!("{name}{{map=\"{}\"}} {}\n", status.name, value(status)));
+        }
+    }
+    text
+}

@@ -1,0 +1,122 @@
+//! Questions over gRPC: the same checks and answers as over HTTP.
+
+use super::convert::question::Question;
+use super::convert::{self, Refusal};
+use super::{MappingService, status};
+use crate::pipeline::query::{Answer, Heatmap, Object, ScoredPoint, View};
+use crate::telemetry::QUERY_SECONDS;
+use lexsplat_proto::v1;
+use std::time::Instant;
+use tonic::Status;
+
+pub(super) async fn answer(
+    service: &MappingService,
+    request: v1::QueryRequest,
+) -> Result<v1::QueryResponse, Status> {
+    let started = Instant::now();
+    let map = service.engine.map(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+    let view = view(request.view, service.limits.max_pixels).map_err(|r| status::refused(&r))?;
+    let question = Question {
+        text: request.text,
+        negatives: request.negatives,
+        view,
+        outputs: request.outputs,
+        threshold: request.threshold,
+        smoothing_pixels: request.smoothing_pixels,
+        max_objects: request.max_objects,
+    };
+    let query = question.checked("smoothing_pixels").map_err(|r| status::refused(&r))?;
+    let text = query.text.clone();
+    let answer =
+        service.engine.query(&map, query).await.map_err(|error| status::of_query(&error))?;
+    metrics::histogram!(QUERY_SECONDS, "edge" => "grpc").record(started.elapsed());
+    Ok(response(answer, text, request.map))
+}
+
+fn view(wire: Option<v1::View>, max_pixels: u64) -> Result<Option<View>, Refusal> {
+    let camera = match wire.and_then(|view| view.view) {
+        None => return Ok(None),
+        Some(v1::view::View::Frame(sequence)) => return Ok(Some(View::Frame(sequence))),
+        Some(v1::view::View::Camera(camera)) => camera,
+    };
+    let missing = |part: &str| Refusal::new(format!("view.camera.{part}"), "missing");
+    let intrinsics = camera.intrinsics.ok_or_else(|| missing("intrinsics"))?;
+    let pose = camera.world_from_camera.ok_or_else(|| missing("world_from_camera"))?;
+    Ok(Some(View::Camera {
+        intrinsics: convert::wire_intrinsics("view.camera.intrinsics", &intrinsics, max_pixels)?,
+        world_from_camera: convert::wire_pose("view.camera.world_from_camera", &pose)?,
+    }))
+}
+
+fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
+    let timing = answer.timing;
+    v1::QueryResponse {
+        query_id: crate::http::query_id(),
+        text,
+        map,
+        revision: answer.revision,
+        present: answer.present,
+        confidence: answer.confidence,
+        coverage: answer.coverage,
+        threshold: answer.threshold,
+        heatmap: answer.heatmap.map(heatmap),
+        mask: answer.mask.map(|mask| v1::Mask {
+            height: mask.height,
+            width: mask.width,
+            counts: mask.counts,
+        }),
+        boxes: answer
+            .boxes
+            .unwrap_or_default()
+            .into_iter()
+            .map(|b| v1::Box { x: b.x, y: b.y, width: b.width, height: b.height, score: b.score })
+            .collect(),
+        peak: answer.peak.map(|peak| v1::Peak { x: peak.x, y: peak.y, score: peak.score }),
+        points: answer.points.map(|points| point_set(&points)),
+        objects: answer.objects.unwrap_or_default().iter().map(object).collect(),
+        timing: Some(v1::Timing {
+            text_ms: timing.text,
+            render_ms: timing.render,
+            decode_ms: timing.decode,
+            score_ms: timing.score,
+            total_ms: timing.total,
+        }),
+    }
+}
+
+fn heatmap(heatmap: Heatmap) -> v1::Heatmap {
+    let (min, max) = crate::export::extremes(&heatmap.values);
+    let Heatmap { width, height, values } = heatmap;
+    v1::Heatmap { width, height, min, max, values }
+}
+
+fn point_set(points: &[ScoredPoint]) -> v1::PointSet {
+    let rows = points
+        .iter()
+        .flat_map(|point| [point.position.x, point.position.y, point.position.z, point.score])
+        .collect();
+    v1::PointSet { count: u32::try_from(points.len()).unwrap_or(u32::MAX), rows }
+}
+
+fn object(object: &Object) -> v1::Object {
+    let vector = |xyz: [f32; 3]| v1::Vector3 {
+        x: f64::from(xyz[0]),
+        y: f64::from(xyz[1]),
+        z: f64::from(xyz[2]),
+    };
+    let rotation = object.rotation;
+    v1::Object {
+        score: object.score,
+        center_metres: Some(vector(object.center.into())),
+        size_metres: Some(vector(object.size.into())),
+        rotation: Some(v1::Quaternion {
+            w: f64::from(rotation.w),
+            x: f64::from(rotation.i),
+            y: f64::from(rotation.j),
+            z: f64::from(rotation.k),
+        }),
+        aabb_min_metres: Some(vector(object.aabb_min.into())),
+        aabb_max_metres: Some(vector(object.aabb_max.into())),
+        points: u32::try_from(object.points).unwrap_or(u32::MAX),
+    }
+}

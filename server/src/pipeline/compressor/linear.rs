@@ -1,0 +1,125 @@
+//! Linear online stage: the leading eigenvectors of the second moments of all codes seen.
+//!
+//! code = W g, g = direction of Wᵀ code, with W `[code_size, 32]` orthonormal rows. Rendering is a
+//! weighted sum and commutes with W, so a blended code decodes to the blend of what was written; no
+//! keyframe is forgotten, because the moments are sums. Every keyframe weighs the same.
+
+use super::{GENERIC, OnlineStage, normalise_rows};
+use nalgebra::{SMatrix, SymmetricEigen};
+
+type Moments = SMatrix<f64, GENERIC, GENERIC>;
+
+/// Running principal directions.
+#[derive(Clone)]
+pub struct Linear {
+    code_size: usize,
+    tolerance: f64,
+    version: u64,
+    keyframes: u64,
+    /// Sum over keyframes of the mean g gᵀ.
+    moments: Moments,
+    /// `[code_size, 32]`, orthonormal rows, most important first.
+    basis: Vec<f32>,
+}
+
+impl Linear {
+    /// Before any keyframe: the first axes. `tolerance`: the share of the squared length of all codes
+    /// seen that must be lost, beyond what the best basis loses, before the basis moves.
+    pub fn new(code_size: usize, tolerance: f64) -> Self {
+        let mut basis = vec![0.0; code_size * GENERIC];
+        for axis in 0..code_size {
+            basis[axis * GENERIC + axis] = 1.0;
+        }
+        Self { code_size, tolerance, version: 0, keyframes: 0, moments: Moments::zeros(), basis }
+    }
+
+    /// How much of the squared length of all codes seen a basis keeps.
+    fn kept(&self, basis: &[f32]) -> f64 {
+        let row_kept = |row: &[f32]| {
+            let row =
+                nalgebra::SVector::<f64, GENERIC>::from_iterator(row.iter().map(|&v| v.into()));
+            row.dot(&(self.moments * row))
+        };
+        basis.chunks_exact(GENERIC).map(row_kept).sum()
+    }
+}
+
+impl OnlineStage for Linear {
+    fn code_size(&self) -> usize {
+        self.code_size
+    }
+
+    fn version(&self) -> u64 {
+        self.version
+    }
+
+    fn observe(&mut self, generic: &[f32]) -> bool {
+        let Some(seen) = mean_outer_product(generic) else { return false };
+        self.moments += seen;
+        self.keyframes += 1;
+        let best = principal_rows(self.moments, self.code_size);
+        let lost = self.kept(&best) - self.kept(&self.basis);
+        if self.version > 0 && lost <= self.tolerance * self.keyframes as f64 {
+            return false;
+        }
+        self.basis = best;
+        self.version += 1;
+        true
+    }
+
+    fn encode(&self, generic: &[f32]) -> Vec<f32> {
+        let mut codes = Vec::with_capacity(generic.len() / GENERIC * self.code_size);
+        for row in generic.chunks_exact(GENERIC) {
+            for direction in self.basis.chunks_exact(GENERIC) {
+                codes.push(row.iter().zip(direction).map(|(a, b)| a * b).sum());
+            }
+        }
+        codes
+    }
+
+    fn decode(&self, codes: &[f32]) -> Vec<f32> {
+        let mut generic = vec![0.0_f32; codes.len() / self.code_size * GENERIC];
+        let rows = generic.chunks_exact_mut(GENERIC).zip(codes.chunks_exact(self.code_size));
+        for (row, code) in rows {
+            for (&value, direction) in code.iter().zip(self.basis.chunks_exact(GENERIC)) {
+                row.iter_mut().zip(direction).for_each(|(to, along)| *to += value * along);
+            }
+        }
+        normalise_rows(&mut generic, GENERIC);
+        generic
+    }
+
+    fn boxed_clone(&self) -> Box<dyn OnlineStage> {
+        Box::new(self.clone())
+    }
+}
+
+/// Mean of g gᵀ over the rows that have a direction; `None` if there is none.
+fn mean_outer_product(generic: &[f32]) -> Option<Moments> {
+    let mut sum = Moments::zeros();
+    let mut rows = 0_u32;
+    for row in generic.chunks_exact(GENERIC) {
+        let row = nalgebra::SVector::<f64, GENERIC>::from_iterator(row.iter().map(|&v| v.into()));
+        let squared = row.norm_squared();
+        if squared.is_finite() && squared > 0.0 {
+            sum.ger(1.0 / squared, &row, &row, 1.0);
+            rows += 1;
+        }
+    }
+    (rows > 0).then(|| sum / f64::from(rows))
+}
+
+/// Eigenvectors of the largest eigenvalues, largest first; the sign is such that the entry with the
+/// greatest size is positive.
+fn principal_rows(moments: Moments, count: usize) -> Vec<f32> {
+    let eigen = SymmetricEigen::new(moments);
+    let mut order: Vec<usize> = (0..GENERIC).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]).then(a.cmp(&b)));
+    let mut rows = Vec::with_capacity(count * GENERIC);
+    for &at in &order[..count] {
+        let direction = eigen.eigenvectors.column(at);
+        let sign = direction[direction.iamax()].signum();
+        rows.extend(direction.iter().map(|&value| (value * sign) as f32));
+    }
+    rows
+}

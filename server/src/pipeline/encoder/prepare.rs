@@ -1,0 +1,64 @@
+//! An image as a network wants it: size, channel order and normalisation of the bundle's manifest.
+//!
+//! In: `[height * width * 3]` RGB, 8 bit. Out: planes `[3, height, width]`. Shrinking averages over
+//! what it drops (triangle filter), as the networks' training did.
+
+use super::super::frame::Frame;
+use super::super::network::{ChannelOrder, Fit, ImageSpec};
+use image::imageops::{FilterType, resize};
+use image::{ImageBuffer, Rgb};
+
+/// What goes into the encoder.
+pub(super) struct Prepared {
+    /// `[3, height, width]`, normalised.
+    pub planes: Vec<f32>,
+    /// The share of columns and of rows that the image fills, from the top left.
+    pub covered: [f32; 2],
+}
+
+/// Scales, orders and normalises.
+pub(super) fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
+    let (from_width, from_height) = (frame.intrinsics.width, frame.intrinsics.height);
+    let (width, height) = fitted(from_width as usize, from_height as usize, spec);
+    let source: ImageBuffer<Rgb<u8>, &[u8]> =
+        ImageBuffer::from_raw(from_width, from_height, &frame.rgb[..])
+            .expect("a checked frame has as many pixels as its intrinsics say");
+    let scaled;
+    let pixels: &[u8] = if (width, height) == (from_width as usize, from_height as usize) {
+        &frame.rgb
+    } else {
+        scaled = resize(&source, width as u32, height as u32, FilterType::Triangle);
+        scaled.as_raw()
+    };
+    // Padding is the mean, which is zero once normalised.
+    let mut planes = vec![0.0; 3 * spec.height * spec.width];
+    for (channel, plane) in planes.chunks_exact_mut(spec.height * spec.width).enumerate() {
+        let source_channel = match spec.channel_order {
+            ChannelOrder::Rgb => channel,
+            ChannelOrder::Bgr => 2 - channel,
+        };
+        let (mean, scale) = (spec.mean[channel], 1.0 / spec.std[channel]);
+        for (row, pixels) in plane.chunks_exact_mut(spec.width).zip(pixels.chunks_exact(3 * width))
+        {
+            for (value, pixel) in row.iter_mut().zip(pixels.chunks_exact(3)) {
+                *value = (f32::from(pixel[source_channel]) - mean) * scale;
+            }
+        }
+    }
+    let covered = [width as f32 / spec.width as f32, height as f32 / spec.height as f32];
+    Prepared { planes, covered }
+}
+
+/// The size that the image gets within the network's.
+fn fitted(width: usize, height: usize, spec: &ImageSpec) -> (usize, usize) {
+    match spec.fit {
+        Fit::Squash => (spec.width, spec.height),
+        Fit::Pad => {
+            let scale = (spec.width as f64 / width as f64).min(spec.height as f64 / height as f64);
+            let side = |from: usize, limit: usize| {
+                ((from as f64 * scale).round() as usize).clamp(1, limit)
+            };
+            (side(width, spec.width), side(height, spec.height))
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Everything behind the edges: the adapter, the bundle, the maps and the threads that serve them.
+
+use super::compressor::CompressorConfig;
+use super::encoder::{LanguageConfig, LanguageThread};
+use super::map::{Map, MapError};
+use super::mapper::{self, MapperConfig};
+use super::network::{Bundle, BundleError};
+use super::snapshot::MapSnapshot;
+use super::query::{Answer, Picture, Query, QueryConfig, QueryError, QueryThread, RenderRequest};
+use lexsplat_gpu::{Gpu, GpuError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::thread::JoinHandle;
+
+/// The longest name of a map.
+const MAX_NAME_BYTES: usize = 64;
+
+/// The settings of the stages.
+#[derive(Clone, Debug, Default)]
+pub struct PipelineConfig {
+    /// Substring of the adapter's name; `None`: the best there is.
+    pub adapter: Option<String>,
+    /// Networks.
+    pub language: LanguageConfig,
+    /// The online stage.
+    pub compressor: CompressorConfig,
+    /// The mapper.
+    pub mapper: MapperConfig,
+    /// Queries.
+    pub query: QueryConfig,
+}
+
+/// Why the server cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// No device to render on.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// No networks.
+    #[error(transparent)]
+    Bundle(#[from] BundleError),
+    /// No thread.
+    #[error("cannot start a thread")]
+    Thread(#[from] std::io::Error),
+}
+
+struct Running {
+    map: Arc<Map>,
+    thread: JoinHandle<()>,
+}
+
+/// The running pipeline: share it with `Arc`.
+pub struct Engine {
+    config: PipelineConfig,
+    gpu: Gpu,
+    bundle_name: String,
+    language: Arc<LanguageThread>,
+    query: QueryThread,
+    maps: Mutex<BTreeMap<String, Running>>,
+}
+
+impl Engine {
+    /// Opens the adapter, loads the bundle, starts the language and the query thread.
+    ///
+    /// # Errors
+    /// [`StartError`] says what is missing and what to do about it.
+    pub fn start(config: PipelineConfig) -> Result<Self, StartError> {
+        let gpu = Gpu::new(config.adapter.as_deref())?;
+        let bundle = Bundle::load(&config.language)?;
+        let bundle_name = bundle.name().to_owned();
+        let (vision, text) = bundle.split();
+        let language = Arc::new(LanguageThread::start(vision, &config.language)?);
+        let query = QueryThread::start(gpu.clone(), text, &config.query)?;
+        Ok(Self { config, gpu, bundle_name, language, query, maps: Mutex::default() })
+    }
+
+    /// The adapter's name.
+    pub fn adapter(&self) -> &str {
+        self.gpu.adapter_name()
+    }
+
+    /// The bundle's name.
+    pub fn bundle(&self) -> &str {
+        &self.bundle_name
+    }
+
+    fn locked(&self) -> MutexGuard<'_, BTreeMap<String, Running>> {
+        self.maps.lock().expect("no thread panics while it holds the list of maps")
+    }
+
+    /// Makes a map and starts its mapper.
+    ///
+    /// # Errors
+    /// [`MapError::InvalidName`], [`MapError::AlreadyExists`], [`MapError::TooMany`],
+    /// [`MapError::Failed`] when its thread or its device memory cannot be had.
+    pub fn create(&self, name: &str) -> Result<Arc<Map>, MapError> {
+        check_name(name)?;
+        let mut maps = self.locked();
+        if maps.contains_key(name) {
+            return Err(MapError::AlreadyExists { name: name.into() });
+        }
+        let limit = self.config.mapper.max_maps;
+        if maps.len() >= limit {
+            return Err(MapError::TooMany { limit });
+        }
+        let (map, thread) = mapper::spawn(name, &self.gpu, &self.language, &self.config)
+            .map_err(|reason| MapError::Failed { name: name.into(), reason })?;
+        maps.insert(name.into(), Running { map: map.clone(), thread });
+        Ok(map)
+    }
+
+    /// The map, made if it is not there.
+    ///
+    /// # Errors
+    /// As [`Engine::create`], but never [`MapError::AlreadyExists`].
+    pub fn open(&self, name: &str) -> Result<Arc<Map>, MapError> {
+        match self.create(name) {
+            Err(MapError::AlreadyExists { .. }) => self.map(name),
+            other => other,
+        }
+    }
+
+    /// The map.
+    ///
+    /// # Errors
+    /// [`MapError::NotFound`].
+    pub fn map(&self, name: &str) -> Result<Arc<Map>, MapError> {
+        let maps = self.locked();
+        let running = maps.get(name).ok_or_else(|| MapError::NotFound { name: name.into() })?;
+        Ok(running.map.clone())
+    }
+
+    /// All maps, by name.
+    pub fn maps(&self) -> Vec<Arc<Map>> {
+        self.locked().values().map(|running| running.map.clone()).collect()
+    }
+
+    /// Stops the map's mapper and forgets the map. Frames in its queue are not mapped.
+    ///
+    /// # Errors
+    /// [`MapError::NotFound`].
+    pub async fn delete(&self, name: &str) -> Result<(), MapError> {
+        let running =
+            self.locked().remove(name).ok_or_else(|| MapError::NotFound { name: name.into() })?;
+        running.map.fail("it was deleted".into());
+        stop(running).await;
+        Ok(())
+    }
+
+    /// Answers a question from the map's newest snapshot.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the question.
+    pub async fn query(&self, map: &Map, query: Query) -> Result<Answer, QueryError> {
+        self.query_snapshot(map.snapshot(), query).await
+    }
+
+    /// Answers a question from a snapshot that somebody kept (or changed).
+    ///
+    /// # Errors
+    /// As [`Engine::query`].
+    pub async fn query_snapshot(
+        &self,
+        snapshot: Arc<MapSnapshot>,
+        query: Query,
+    ) -> Result<Answer, QueryError> {
+        self.query.ask(snapshot, query).await
+    }
+
+    /// Renders the map's newest snapshot.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the request.
+    pub async fn render(&self, map: &Map, request: RenderRequest) -> Result<Picture, QueryError> {
+        self.query.render(map.snapshot(), request).await
+    }
+
+    /// Lets every mapper finish the frames in its queue, then stops it.
+    pub async fn shutdown(&self) {
+        let running = std::mem::take(&mut *self.locked());
+        for (_, running) in running {
+            stop(running).await;
+        }
+    }
+}
+
+/// Tells the mapper to stop behind what is in its queue, and waits for its thread.
+async fn stop(running: Running) {
+    // An error means that the mapper has already stopped.
+    let _ = running.map.control().send(super::map::Event::Stop).await;
+    let joined = tokio::task::spawn_blocking(move || running.thread.join()).await;
+    if !matches!(joined, Ok(Ok(()))) {
+        tracing::error!(map = running.map.name(), "a mapper's thread panicked");
+    }
+}
+
+fn check_name(name: &str) -> Result<(), MapError> {
+    let good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    if name.is_empty()
+        || name.len() > MAX_NAME_BYTES
+        || name.starts_with('.')
+        || !name.chars().all(good)
+    {
+        return Err(MapError::InvalidName { name: name.chars().take(MAX_NAME_BYTES).collect() });
+    }
+    Ok(())
+}

@@ -1,0 +1,138 @@
+//! The mapper's settings, section `[mapper]`.
+
+use serde::{Deserialize, Serialize};
+
+/// How the map is built. Constants of the paper's code are in brackets where ours differ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MapperConfig {
+    /// Maps on one server.
+    pub max_maps: usize,
+    /// Frames that may wait for the mapper; then their sender waits.
+    pub queue_frames: usize,
+    /// Colour and depth are optimised at this many columns at most (full size in the paper).
+    pub train_width: u32,
+    /// New keyframe: moved by more than this share of the median depth.
+    pub keyframe_translation: f64,
+    /// New keyframe: turned by more than this, radians.
+    pub keyframe_rotation_radians: f64,
+    /// One new Gaussian at most per square of this many pixels of the optimised image.
+    pub insert_spacing_pixels: u32,
+    /// Insert where less than this is opaque.
+    pub insert_opacity: f32,
+    /// Insert where the map lies behind the measured depth by this share of it.
+    pub insert_depth_error: f32,
+    /// Insert where the mean absolute colour error is above this (0..1).
+    pub insert_color_error: f32,
+    /// Gaussians at most; then nothing is inserted any more.
+    pub max_gaussians: usize,
+    /// Optimiser steps that each keyframe earns; taken when no frame waits.
+    pub steps_per_keyframe: usize,
+    /// Steps that are taken behind each frame even when others wait.
+    pub steps_per_frame: usize,
+    /// Half of the steps go to this many newest keyframes, half to any.
+    pub window: usize,
+    /// Every how many steps language is optimised as well.
+    pub language_every: usize,
+    /// Every how many steps transparent Gaussians are removed.
+    pub prune_every: usize,
+    /// A Gaussian goes when both heads' opacities are below this (0.7).
+    pub prune_opacity: f32,
+    /// A Gaussian goes when its colour head is longer than this, metres.
+    pub prune_scale_metres: f32,
+    /// Readers get a new snapshot at most this often while the map changes, seconds.
+    pub snapshot_seconds: f64,
+    /// Weights of the loss (paper §3.3, facts of its code).
+    pub loss: LossConfig,
+    /// Adam's learning rates.
+    pub rates: RatesConfig,
+}
+
+/// Weights of the loss terms, each a mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LossConfig {
+    /// L1 of colour.
+    pub color: f32,
+    /// L1 of depth, per metre.
+    pub depth: f32,
+    /// L1 of language codes.
+    pub language: f32,
+    /// Distance of the colour head's scales from their mean.
+    pub isotropic: f32,
+    /// |S_f - sg(S_c)|: the language head's scales stay near the colour head's.
+    pub scale_tie: f32,
+}
+
+/// Learning rates of the parameter groups.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RatesConfig {
+    /// Means, metres.
+    pub mean: f32,
+    /// Quaternions of the colour head.
+    pub rotation: f32,
+    /// Log-scales of the colour head.
+    pub scale: f32,
+    /// Opacity logits of the colour head.
+    pub opacity: f32,
+    /// Colours.
+    pub color: f32,
+    /// Quaternions of the language head.
+    pub language_rotation: f32,
+    /// Log-scales of the language head.
+    pub language_scale: f32,
+    /// Opacity logits of the language head.
+    pub language_opacity: f32,
+    /// Codes.
+    pub code: f32,
+}
+
+impl Default for MapperConfig {
+    fn default() -> Self {
+        Self {
+            max_maps: 8,
+            queue_frames: 8,
+            train_width: 320,
+            keyframe_translation: 0.08,
+            keyframe_rotation_radians: 0.15,
+            insert_spacing_pixels: 3,
+            insert_opacity: 0.6,
+            insert_depth_error: 0.05,
+            insert_color_error: 0.25,
+            max_gaussians: 200_000,
+            steps_per_keyframe: 25,
+            steps_per_frame: 1,
+            window: 8,
+            language_every: 3,
+            prune_every: 200,
+            prune_opacity: 0.05,
+            prune_scale_metres: 0.6,
+            snapshot_seconds: 2.0,
+            loss: LossConfig::default(),
+            rates: RatesConfig::default(),
+        }
+    }
+}
+
+impl Default for LossConfig {
+    fn default() -> Self {
+        Self { color: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, scale_tie: 10.0 }
+    }
+}
+
+impl Default for RatesConfig {
+    fn default() -> Self {
+        Self {
+            mean: 5e-4,
+            rotation: 1e-3,
+            scale: 5e-3,
+            opacity: 0.05,
+            color: 5e-3,
+            language_rotation: 1e-3,
+            language_scale: 1.2e-3,
+            language_opacity: 0.05,
+            code: 5e-3,
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! Builds the map (paper §3.3): keyframes, insertion by need, optimisation of both heads.
+//!
+//! In: frames in order, language maps of keyframes when they are ready. Out: outcomes, snapshots.
+//! One named thread per map owns the live Gaussians. It never waits for the networks: language is
+//! written into the map when it arrives. It must not know who asked or how frames came in.
+
+mod config;
+mod insert;
+mod keyframe;
+mod language;
+mod optimise;
+mod prune;
+
+pub use config::MapperConfig;
+
+use super::compressor::{self, OnlineStage};
+use super::encoder::{LanguageMap, LanguageThread};
+use super::engine::PipelineConfig;
+use super::frame::{Frame, FrameOutcome};
+use super::map::{Event, Map};
+use super::snapshot::{KeyframeInfo, MapSnapshot, TrackedFrame};
+use super::tracker::{GivenPoses, Tracker};
+use keyframe::Keyframe;
+use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc;
+
+/// Which random views are replayed is the same in every run.
+const REPLAY_SEED: u64 = 0x5eed;
+
+/// Starts a map's thread.
+///
+/// # Errors
+/// Why its device memory, its kernels or its thread cannot be had.
+pub(super) fn spawn(
+    name: &str,
+    gpu: &Gpu,
+    language: &Arc<LanguageThread>,
+    config: &PipelineConfig,
+) -> Result<(Arc<Map>, JoinHandle<()>), String> {
+    let online = compressor::online(&config.compressor);
+    let renderer = Renderer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
+    let gaussians = Gaussians::new(gpu, online.code_size());
+    let empty = MapSnapshot {
+        map: name.to_owned(),
+        revision: 0,
+        gaussians: Arc::new(HostGaussians::default()),
+        online: Arc::from(online.boxed_clone()),
+        intrinsics: None,
+        trajectory: Arc::default(),
+        keyframes: Arc::default(),
+    };
+    let (map, events) = Map::new(name, config.mapper.queue_frames, empty);
+    let map = Arc::new(map);
+    let mapper = Mapper {
+        config: config.mapper.clone(),
+        gpu: gpu.clone(),
+        map: map.clone(),
+        language: language.clone(),
+        tracker: Box::new(GivenPoses::new()),
+        online,
+        renderer,
+        gaussians,
+        keyframes: Vec::new(),
+        trajectory: Vec::new(),
+        awaiting_language: VecDeque::new(),
+        language_in_flight: 0,
+        steps_left: 0,
+        steps_done: 0,
+        revision: 0,
+        changed: false,
+        published_at: Instant::now(),
+        rng: ChaCha8Rng::seed_from_u64(REPLAY_SEED),
+    };
+    let thread = std::thread::Builder::new()
+        .name(format!("map {name}"))
+        .spawn(move || mapper.run(events))
+        .map_err(|error| error.to_string())?;
+    Ok((map, thread))
+}
+
+/// The live map and all that works on it.
+struct Mapper {
+    config: MapperConfig,
+    gpu: Gpu,
+    map: Arc<Map>,
+    language: Arc<LanguageThread>,
+    tracker: Box<dyn Tracker>,
+    online: Box<dyn OnlineStage>,
+    renderer: Renderer,
+    gaussians: Gaussians,
+    keyframes: Vec<Keyframe>,
+    trajectory: Vec<TrackedFrame>,
+    /// Keyframes that the language thread had no room for yet, oldest first.
+    awaiting_language: VecDeque<Frame>,
+    language_in_flight: usize,
+    /// Optimiser steps that the keyframes so far have earned and not yet had.
+    steps_left: usize,
+    steps_done: usize,
+    revision: u64,
+    changed: bool,
+    published_at: Instant,
+    rng: ChaCha8Rng,
+}
+
+impl Mapper {
+    /// The thread: frames first, optimisation while there are none, sleep when all is done.
+    fn run(mut self, mut events: mpsc::Receiver<Event>) {
+        loop {
+            let event =
+                if self.has_work() { events.try_recv().ok() } else { events.blocking_recv() };
+            let done = match event {
+                Some(Event::Stop) => break,
+                Some(event) => self.handle(event),
+                None if self.has_work() => self.optimise_once(),
+                None => break,
+            };
+            let done = done.and_then(|()| self.settle());
+            if let Err(error) = done {
+                tracing::error!(map = self.map.name(), %error, "the map stopped");
+                self.map.fail(error.to_string());
+                self.map.counters.working.store(false, Ordering::Release);
+                return;
+            }
+        }
+        if self.changed
+            && let Err(error) = self.publish()
+        {
+            tracing::error!(map = self.map.name(), %error, "no last snapshot");
+        }
+    }
+
+    fn has_work(&self) -> bool {
+        self.steps_left > 0 && !self.gaussians.is_empty()
+    }
+
+    fn handle(&mut self, event: Event) -> Result<(), GpuError> {
+        match event {
+            Event::Frame { frame, permit, reply } => {
+                drop(permit);
+                if self.map.failure().is_some() {
+                    self.map.counters.dropped.fetch_add(1, Ordering::Relaxed);
+                    self.map.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
+                    return Ok(());
+                }
+                let outcome = self.map_frame(frame)?;
+                self.map.finish_frame(&outcome);
+                // The sender may have gone: its frame is in the map all the same.
+                let _ = reply.send(outcome);
+                self.map.counters.working.store(true, Ordering::Release);
+                self.map.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
+                Ok(())
+            }
+            Event::Language { sequence, map } => {
+                self.language_in_flight -= 1;
+                match map {
+                    Ok(map) => self.write_language(sequence, map),
+                    Err(error) => {
+                        tracing::error!(sequence, error, "a keyframe stays without language");
+                        Ok(())
+                    }
+                }
+            }
+            Event::Stop => unreachable!("the loop ends on Stop"),
+        }
+    }
+
+    /// One frame's way through the map.
+    fn map_frame(&mut self, frame: Frame) -> Result<FrameOutcome, GpuError> {
+        let sequence = frame.sequence;
+        let world_from_camera = self.tracker.track(&frame);
+        let mut is_keyframe = false;
+        if let Some(world_from_camera) = world_from_camera {
+            let tracked = TrackedFrame {
+                sequence,
+                timestamp_nanos: frame.timestamp_nanos,
+                world_from_camera,
+            };
+            self.trajectory.push(tracked);
+            is_keyframe = self.is_keyframe(&frame, &world_from_camera);
+            if is_keyframe {
+                let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
+                self.insert(&keyframe)?;
+                self.keyframes.push(keyframe);
+                self.awaiting_language.push_back(frame);
+                self.steps_left += self.config.steps_per_keyframe;
+            }
+            for _ in 0..self.config.steps_per_frame.min(self.steps_left) {
+                self.optimise_once()?;
+            }
+        }
+        Ok(FrameOutcome {
+            sequence,
+            tracking: self.tracker.state(),
+            world_from_camera,
+            keyframe: is_keyframe,
+            revision: self.revision,
+        })
+    }
+
+    /// After each turn: hand keyframes to the networks, tell readers, say whether work is left.
+    fn settle(&mut self) -> Result<(), GpuError> {
+        self.request_language();
+        let idle =
+            !self.has_work() && self.awaiting_language.is_empty() && self.language_in_flight == 0;
+        let due =
+            self.published_at.elapsed() >= Duration::from_secs_f64(self.config.snapshot_seconds);
+        if self.changed && (idle || due) {
+            self.publish()?;
+        }
+        self.map.counters.working.store(!idle, Ordering::Release);
+        Ok(())
+    }
+
+    fn request_language(&mut self) {
+        while let Some(frame) = self.awaiting_language.pop_front() {
+            let sequence = frame.sequence;
+            let events = self.map.control();
+            let reply = move |map: Result<LanguageMap, String>| {
+                // The map may have been deleted meanwhile.
+                let _ = events.blocking_send(Event::Language { sequence, map });
+            };
+            match self.language.try_submit(frame, reply) {
+                Ok(()) => self.language_in_flight += 1,
+                Err(frame) => {
+                    self.awaiting_language.push_front(frame);
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Copies the map for readers.
+    fn publish(&mut self) -> Result<(), GpuError> {
+        self.revision += 1;
+        let info = |keyframe: &Keyframe| KeyframeInfo {
+            frame: keyframe.frame,
+            intrinsics: keyframe.intrinsics,
+            rgb: keyframe.rgb.clone(),
+            has_language: keyframe.generic.is_some(),
+        };
+        let counters = &self.map.counters;
+        counters.keyframes.store(self.keyframes.len() as u64, Ordering::Relaxed);
+        counters.gaussians.store(self.gaussians.len() as u64, Ordering::Relaxed);
+        counters.gpu_bytes.store(self.gaussians.device_bytes(), Ordering::Relaxed);
+        counters.olae_version.store(self.online.version(), Ordering::Relaxed);
+        self.map.publish(MapSnapshot {
+            map: self.map.name().to_owned(),
+            revision: self.revision,
+            gaussians: Arc::new(self.gaussians.to_host()?),
+            online: Arc::from(self.online.boxed_clone()),
+            intrinsics: self.keyframes.first().map(|keyframe| keyframe.intrinsics),
+            trajectory: Arc::new(self.trajectory.clone()),
+            keyframes: Arc::new(self.keyframes.iter().map(info).collect()),
+        });
+        self.changed = false;
+        self.published_at = Instant::now();
+        Ok(())
+    }
+}

@@ -1,0 +1,168 @@
+//! A bundle is refused with the file, the tensor, and what was expected and found.
+
+use super::*;
+use sha2::{Digest, Sha256};
+use std::path::PathBuf;
+
+/// The bundle that ships with the project.
+fn shipped() -> PathBuf {
+    find::bundle(&LanguageConfig::default().models).expect("models/tiny is part of the project")
+}
+
+/// A copy of the shipped bundle whose manifest can be changed; gone when dropped.
+struct Copy(PathBuf);
+
+impl Copy {
+    fn new(name: &str) -> Self {
+        let folder =
+            std::env::temp_dir().join(format!("lexsplat-bundle-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for entry in std::fs::read_dir(shipped()).unwrap().flatten() {
+            if entry.path().is_file() {
+                std::fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+            }
+        }
+        Self(folder)
+    }
+
+    fn manifest(&self) -> String {
+        std::fs::read_to_string(self.0.join("manifest.toml")).unwrap()
+    }
+
+    fn rewrite(&self, from: &str, to: &str) {
+        let text = self.manifest();
+        assert!(text.contains(from), "{from:?} is in the manifest");
+        std::fs::write(self.0.join("manifest.toml"), text.replacen(from, to, 1)).unwrap();
+    }
+
+    /// Changes a file; the manifest gets its new checksum.
+    fn replace(&self, file: &str, bytes: &[u8]) {
+        let hex = |bytes: &[u8]| -> String {
+            Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+        };
+        let before = std::fs::read(self.0.join(file)).unwrap();
+        std::fs::write(self.0.join(file), bytes).unwrap();
+        self.rewrite(&hex(&before), &hex(bytes));
+    }
+
+    /// What is said of it, causes included.
+    fn error(&self) -> String {
+        let config = LanguageConfig { models: self.0.clone(), ..LanguageConfig::default() };
+        let Err(error) = Bundle::load(&config) else { return String::new() };
+        error.to_string()
+    }
+}
+
+impl Drop for Copy {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn assert_says(error: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(error.contains(part), "expected {part:?} in {error:?}");
+    }
+}
+
+/// A line of the copy's manifest that starts with this.
+fn line(copy: &Copy, start: &str) -> String {
+    let text = copy.manifest();
+    let found = text.lines().find(|line| line.replace(' ', "").starts_with(start));
+    found.unwrap_or_else(|| panic!("no line {start}")).to_owned()
+}
+
+#[test]
+fn an_unchanged_copy_loads() {
+    // The negative control of everything below.
+    assert_eq!(Copy::new("same").error(), "");
+}
+
+#[test]
+fn an_unknown_key_is_named() {
+    let copy = Copy::new("key");
+    copy.rewrite("[image]", "[image]\nwidht = 3");
+    assert_says(&copy.error(), &["manifest.toml", "widht", "width"]);
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let copy = Copy::new("missing");
+    std::fs::remove_file(copy.0.join("decompress.onnx")).unwrap();
+    assert_says(&copy.error(), &["decompress.onnx", "cannot be read"]);
+}
+
+#[test]
+fn another_file_than_the_manifest_s_is_refused_by_its_checksum() {
+    let copy = Copy::new("sha");
+    let path = copy.0.join("compress.onnx");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    assert_says(&copy.error(), &["compress.onnx", "sha256", "expected", "found"]);
+}
+
+#[test]
+fn a_file_without_a_checksum_is_refused() {
+    let copy = Copy::new("nosha");
+    let entry = line(&copy, "\"srd.onnx\"=");
+    copy.rewrite(&entry, "");
+    assert_says(&copy.error(), &["sha256", "srd.onnx", "none"]);
+}
+
+#[test]
+fn a_truncated_graph_is_refused() {
+    let copy = Copy::new("truncated");
+    let bytes = std::fs::read(copy.0.join("srd.onnx")).unwrap();
+    copy.replace("srd.onnx", &bytes[..bytes.len() / 2]);
+    assert_says(&copy.error(), &["srd.onnx", "ONNX Runtime"]);
+}
+
+#[test]
+fn a_wrong_shape_names_file_tensor_expected_and_found() {
+    let copy = Copy::new("shape");
+    let entry = line(&copy, "grid=");
+    copy.rewrite(&entry, "grid = [71, 95]");
+    let error = copy.error();
+    assert_says(&error, &["srd.onnx", "features", "71, 95]", "72, 96]", "expected", "found"]);
+}
+
+#[test]
+fn a_wrong_tensor_is_named_with_those_that_there_are() {
+    let copy = Copy::new("tensor");
+    copy.rewrite("\"skip4\"]", "\"skip5\"]");
+    assert_says(&copy.error(), &["encoder.onnx", "skip5", "skip4"]);
+}
+
+#[test]
+fn values_that_cannot_be_are_named() {
+    let cases = [
+        ("code_size=", "code_size = 31", ["code_size", "32", "31"]),
+        ("std=", "std = [1.0, 0.0, 1.0]", ["image.std", "above 0", "0.0"]),
+        ("temperature=", "temperature = -1.0", ["relevancy.temperature", "more than 0", "-1"]),
+        ("negatives=", "negatives = []", ["relevancy.negatives", "at least 1", "0"]),
+        ("tokenizer=", "tokenizer = \"../tokenizer.json\"", ["file", "below", "../tokenizer.json"]),
+    ];
+    let copy = Copy::new("value");
+    for (start, wrong, says) in cases {
+        let right = line(&copy, start);
+        copy.rewrite(&right, wrong);
+        assert_says(&copy.error(), &says);
+        copy.rewrite(wrong, &right);
+    }
+}
+
+#[test]
+fn words_of_one_meaning_are_near() {
+    let (_, mut text) = Bundle::load(&LanguageConfig::default()).expect("it loads").split();
+    let mut embed = |word: &str| text.tower.embed(word).expect("it runs");
+    let (couch, sofa, banana) = (embed("couch"), embed("sofa"), embed("banana"));
+    let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+    assert!((dot(&couch, &couch) - 1.0).abs() < 1e-3);
+    let (near, far) = (dot(&couch, &sofa), dot(&couch, &banana));
+    assert!(near > far + 0.2, "couch-sofa {near}, couch-banana {far}");
+    // Far more words than are read: still an embedding.
+    let long = embed(&"word ".repeat(200));
+    assert!((dot(&long, &long) - 1.0).abs() < 1e-3);
+}

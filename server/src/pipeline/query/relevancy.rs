@@ -1,0 +1,217 @@
+//! How much a feature is what the words say (paper §3.4; the relevancy of LERF), and images of it.
+//!
+//! relevancy = min over negatives n of exp(t f·q) / (exp(t f·q) + exp(t f·n)), with f the feature,
+//! q the query, all of unit length, and t the bundle's temperature. 0.5: as near to the query as to
+//! the nearest negative.
+
+/// Embedded words that features are compared with.
+pub(super) struct Comparison {
+    size: usize,
+    temperature: f32,
+    /// The query, then the negatives, `[1 + n, D]`.
+    embeddings: Vec<f32>,
+}
+
+impl Comparison {
+    /// `query` and each of `negatives` (at least one) are `[D]`, unit length.
+    pub(super) fn new<'a>(
+        temperature: f32,
+        query: &[f32],
+        negatives: impl IntoIterator<Item = &'a [f32]>,
+    ) -> Self {
+        let mut embeddings = query.to_vec();
+        for negative in negatives {
+            assert_eq!(negative.len(), query.len(), "embeddings are of one size");
+            embeddings.extend_from_slice(negative);
+        }
+        assert!(embeddings.len() > query.len(), "at least one negative");
+        Self { size: query.len(), temperature, embeddings }
+    }
+
+    /// The relevancy of a feature `[D]`, 0..1.
+    pub(super) fn relevancy(&self, feature: &[f32]) -> f32 {
+        let mut cosines = self.embeddings.chunks_exact(self.size).map(|word| dot(word, feature));
+        let query = cosines.next().expect("the query is first");
+        let nearest = cosines.fold(f32::NEG_INFINITY, f32::max);
+        // The least pair is that with the nearest negative.
+        1.0 / (1.0 + (self.temperature * (nearest - query)).exp())
+    }
+}
+
+/// Eight running sums, so that the compiler can use wide registers.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0_f32; 8];
+    let (a_chunks, b_chunks) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a_chunks.zip(b_chunks) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum::<f32>() + rest
+}
+
+/// An image of one channel, `[height * width]`, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Plane {
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<f32>,
+}
+
+impl Plane {
+    /// The value at a row and a column.
+    #[cfg(test)]
+    fn at(&self, row: usize, column: usize) -> f32 {
+        self.values[row * self.width + column]
+    }
+
+    /// Bilinear, pixel centres at half pixels: both images cover the same area.
+    pub(super) fn resized(&self, width: usize, height: usize) -> Self {
+        let columns = Taps::all(self.width, width);
+        let rows = Taps::all(self.height, height);
+        let mut values = Vec::with_capacity(width * height);
+        for row in &rows {
+            let upper = &self.values[row.low * self.width..][..self.width];
+            let lower = &self.values[row.high * self.width..][..self.width];
+            values.extend(columns.iter().map(|column| {
+                row.mix(
+                    column.mix(upper[column.low], upper[column.high]),
+                    column.mix(lower[column.low], lower[column.high]),
+                )
+            }));
+        }
+        Self { width, height, values }
+    }
+
+    /// Mean over a square of `side` pixels; beyond the border the image is mirrored at the border
+    /// pixels (reflect 101). An even square reaches one pixel further to the left and up.
+    pub(super) fn smoothed(&self, side: usize) -> Self {
+        if side <= 1 {
+            return self.clone();
+        }
+        let mut across = self.clone();
+        for row in across.values.chunks_exact_mut(self.width) {
+            running_mean(row, side);
+        }
+        let mut column = vec![0.0; self.height];
+        for x in 0..self.width {
+            let at = |y: usize| y * self.width + x;
+            (0..self.height).for_each(|y| column[y] = across.values[at(y)]);
+            running_mean(&mut column, side);
+            (0..self.height).for_each(|y| across.values[at(y)] = column[y]);
+        }
+        across
+    }
+}
+
+/// Two neighbours and how far it is to the second.
+struct Taps {
+    low: usize,
+    high: usize,
+    share: f32,
+}
+
+impl Taps {
+    fn all(from: usize, to: usize) -> Vec<Self> {
+        let scale = from as f32 / to as f32;
+        let tap = |i: usize| {
+            let at = ((i as f32 + 0.5) * scale - 0.5).clamp(0.0, (from - 1) as f32);
+            let low = at as usize;
+            Self { low, high: (low + 1).min(from - 1), share: at - low as f32 }
+        };
+        (0..to).map(tap).collect()
+    }
+
+    fn mix(&self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.share
+    }
+}
+
+/// Mean over `side` neighbours along a line, mirrored at its ends.
+fn running_mean(line: &mut [f32], side: usize) {
+    let before = side / 2;
+    let mut sums = Vec::with_capacity(line.len() + side);
+    let mut sum = 0.0_f64;
+    sums.push(sum);
+    for i in 0..line.len() + side - 1 {
+        sum += f64::from(line[mirrored(i as isize - before as isize, line.len())]);
+        sums.push(sum);
+    }
+    for (i, value) in line.iter_mut().enumerate() {
+        *value = ((sums[i + side] - sums[i]) / side as f64) as f32;
+    }
+}
+
+/// The index within `0..length` that `index` mirrors to; the ends are not repeated.
+fn mirrored(index: isize, length: usize) -> usize {
+    if length == 1 {
+        return 0;
+    }
+    let period = 2 * (length as isize - 1);
+    let at = index.rem_euclid(period);
+    at.min(period - at) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn relevancy_is_the_least_of_the_pairs() {
+        let (query, first, second) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]);
+        let comparison = Comparison::new(10.0, &query, [&first[..], &second[..]]);
+        let feature = [0.8, 0.6, 0.0];
+        // f·q = 0.8, f·n = 0.6 and 0.48: by hand 1 / (1 + exp(10 (0.6 - 0.8))).
+        let expected = 1.0 / (1.0 + (-2.0_f32).exp());
+        assert!((comparison.relevancy(&feature) - expected).abs() < 1e-6);
+        // Negative control: without the nearer negative it is another number.
+        let other = Comparison::new(10.0, &query, [&second[..]]).relevancy(&feature);
+        assert!((other - 1.0 / (1.0 + (-3.2_f32).exp())).abs() < 1e-6);
+        assert!((other - expected).abs() > 0.05);
+        // As near to the query as to a negative.
+        let between = [0.5_f32.sqrt(), 0.5_f32.sqrt(), 0.0];
+        assert!((comparison.relevancy(&between) - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn long_features_are_multiplied_to_the_last_entry() {
+        let a: Vec<f32> = (0..19).map(|i| i as f32).collect();
+        assert_eq!(dot(&a, &a), (0..19).map(|i| (i * i) as f32).sum::<f32>());
+    }
+
+    #[test]
+    fn smoothing_is_the_mean_with_a_mirrored_border() {
+        let line = Plane { width: 5, height: 1, values: vec![0.0, 0.0, 9.0, 0.0, 3.0] };
+        assert_eq!(line.smoothed(3).values, [0.0, 3.0, 3.0, 4.0, 1.0]);
+        // An even side reaches further left: x-1 and x.
+        assert_eq!(line.smoothed(2).values, [0.0, 0.0, 4.5, 4.5, 1.5]);
+        assert_eq!(line.smoothed(1), line);
+        // Much larger than the image: still a mean of what is there.
+        let wide = line.smoothed(41);
+        assert!(wide.values.iter().all(|v| (0.0..=9.0).contains(v)), "{wide:?}");
+    }
+
+    #[test]
+    fn smoothing_works_along_both_axes_and_keeps_a_flat_image() {
+        let mut plane = Plane { width: 7, height: 6, values: vec![0.25; 42] };
+        assert!(plane.smoothed(4).values.iter().all(|v| (v - 0.25).abs() < 1e-6));
+        plane.values[3 * 7 + 3] = 9.25;
+        let smooth = plane.smoothed(3);
+        assert!((smooth.at(2, 4) - 1.25).abs() < 1e-6 && (smooth.at(4, 2) - 1.25).abs() < 1e-6);
+        assert!((smooth.at(1, 3) - 0.25).abs() < 1e-6);
+    }
+
+    #[test]
+    fn resizing_keeps_ramps_and_places() {
+        let ramp = Plane {
+            width: 8,
+            height: 4,
+            values: (0..32).map(|i| (i % 8) as f32 + 10.0 * (i / 8) as f32).collect(),
+        };
+        let large = ramp.resized(16, 8);
+        // Pixel (5, 3) of the large image is at 2.25, 1.25 of the small one.
+        assert!((large.at(3, 5) - (2.25 + 12.5)).abs() < 1e-5);
+        assert_eq!(ramp.resized(8, 4), ramp);
+    }
+}

@@ -1,0 +1,95 @@
+//! What can be asked of a map: a [`Query`] in words, or a [`RenderRequest`] for a picture.
+//!
+//! Made by the edges (`http`, `ingest`) from checked input.
+
+use super::super::frame::Intrinsics;
+use nalgebra::Isometry3;
+
+/// The longest text that is taken, in bytes.
+pub const MAX_TEXT_BYTES: usize = 1024;
+/// The most negatives in one query.
+pub const MAX_NEGATIVES: usize = 32;
+
+/// A question in plain words.
+#[derive(Clone, Debug)]
+pub struct Query {
+    /// What is looked for; not empty, at most [`MAX_TEXT_BYTES`].
+    pub text: String,
+    /// What it is not; empty: the bundle's canonical negatives.
+    pub negatives: Vec<String>,
+    /// Answer for this view; `None` is a 3D query.
+    pub view: Option<View>,
+    /// What to put into the answer.
+    pub outputs: Outputs,
+    /// Relevancy above which something counts; `None`: the bundle's.
+    pub threshold: Option<f32>,
+    /// Side of the mean filter over the heat map, pixels; 0 or 1: none; `None`: the configured one.
+    pub smoothing_pixels: Option<u32>,
+    /// The most objects in the answer.
+    pub max_objects: usize,
+}
+
+/// A place to look from.
+#[derive(Clone, Debug)]
+pub enum View {
+    /// A tracked frame, by sequence.
+    Frame(u64),
+    /// Any camera.
+    Camera {
+        /// Its intrinsics.
+        intrinsics: Intrinsics,
+        /// Its pose.
+        world_from_camera: Isometry3<f64>,
+    },
+}
+
+/// What an answer holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outputs {
+    /// The relevancy of every pixel (2D).
+    pub heatmap: bool,
+    /// Pixels above the threshold (2D).
+    pub mask: bool,
+    /// One box per connected region of the mask (2D).
+    pub boxes: bool,
+    /// Relevant Gaussians' centres with their scores (3D).
+    pub points: bool,
+    /// Relevant Gaussians clustered into objects (3D).
+    pub objects: bool,
+}
+
+impl Outputs {
+    /// All that fit a view query.
+    pub const VIEW: Self =
+        Self { heatmap: true, mask: true, boxes: true, points: false, objects: false };
+    /// All that fit a 3D query.
+    pub const SPACE: Self =
+        Self { heatmap: false, mask: false, boxes: false, points: true, objects: true };
+    /// Nothing.
+    pub const NONE: Self =
+        Self { heatmap: false, mask: false, boxes: false, points: false, objects: false };
+}
+
+/// What a rendered picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// The colour head.
+    Color,
+    /// Depth in metres, from the colour head.
+    Depth,
+    /// Language codes, three principal directions as colours.
+    Language,
+    /// Opacity of the colour head.
+    Opacity,
+}
+
+/// A picture of the map.
+#[derive(Clone, Debug)]
+pub struct RenderRequest {
+    /// From where.
+    pub view: View,
+    /// Of what.
+    pub channel: Channel,
+    /// Another size than the view's camera has, `(width, height)` in pixels.
+    pub size: Option<(u32, u32)>,
+}

@@ -1,0 +1,67 @@
+//! The snapshot that was asked about last, on the device.
+
+use crate::pipeline::snapshot::MapSnapshot;
+use lexsplat_gpu::{
+    Camera, ColourImage, Gaussians, Gpu, GpuError, HostGaussians, LanguageImage, Renderer,
+};
+use std::sync::Arc;
+
+/// A renderer and the Gaussians of one snapshot.
+pub(super) struct Scene {
+    gpu: Gpu,
+    loaded: Option<Loaded>,
+}
+
+struct Loaded {
+    /// Held so that no other snapshot's Gaussians can have the same address.
+    host: Arc<HostGaussians>,
+    device: Gaussians,
+    renderer: Renderer,
+}
+
+impl Scene {
+    pub(super) fn new(gpu: Gpu) -> Self {
+        Self { gpu, loaded: None }
+    }
+
+    /// Colour, depth and opacity of a view.
+    pub(super) fn colour(
+        &mut self,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+    ) -> Result<ColourImage, GpuError> {
+        let loaded = self.load(snapshot)?;
+        loaded.renderer.render_colour(&loaded.device, camera)
+    }
+
+    /// Codes and opacity of a view.
+    pub(super) fn language(
+        &mut self,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+    ) -> Result<LanguageImage, GpuError> {
+        let loaded = self.load(snapshot)?;
+        loaded.renderer.render_language(&loaded.device, camera)
+    }
+
+    fn load(&mut self, snapshot: &MapSnapshot) -> Result<&mut Loaded, GpuError> {
+        let channels = snapshot.online.code_size();
+        let kept = self.loaded.take();
+        let kept = match kept {
+            Some(kept) if Arc::ptr_eq(&kept.host, &snapshot.gaussians) => kept,
+            other => {
+                let renderer = other
+                    .filter(|other| other.device.language_channels() == channels)
+                    .map(|other| other.renderer);
+                let renderer = match renderer {
+                    Some(renderer) => renderer,
+                    None => Renderer::new(&self.gpu, channels)?,
+                };
+                let mut device = Gaussians::new(&self.gpu, channels);
+                device.append(&snapshot.gaussians)?;
+                Loaded { host: snapshot.gaussians.clone(), device, renderer }
+            }
+        };
+        Ok(self.loaded.insert(kept))
+    }
+}

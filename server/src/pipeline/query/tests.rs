@@ -1,0 +1,226 @@
+//! Questions to a small map: a couch on the left, a banana on the right, nothing else.
+
+use super::*;
+use crate::pipeline::compressor::{CompressorConfig, OnlineStage, online};
+use crate::pipeline::encoder::LanguageConfig;
+use crate::pipeline::frame::Intrinsics;
+use crate::pipeline::network::{Bundle, Tensor, TextNetworks, VisionNetworks};
+use crate::pipeline::snapshot::{MapSnapshot, TrackedFrame};
+use lexsplat_gpu::{Gpu, HostGaussians};
+use nalgebra::Isometry3;
+use std::sync::Arc;
+
+const CAMERA: Intrinsics =
+    Intrinsics { width: 160, height: 120, fx: 140.0, fy: 140.0, cx: 79.5, cy: 59.5 };
+/// Gaussians along one side of a square, and how far apart they are, metres.
+const SIDE: usize = 20;
+const STEP: f32 = 0.03;
+
+fn bundle() -> (VisionNetworks, TextNetworks) {
+    Bundle::load(&LanguageConfig::default()).expect("models/tiny is part of the project").split()
+}
+
+/// The generic code of an image that is all over what the word says.
+fn code(vision: &mut VisionNetworks, text: &mut TextNetworks, word: &str) -> Vec<f32> {
+    let embedding = text.tower.embed(word).expect("it runs");
+    let [rows, columns] = vision.grid;
+    let planes = embedding.iter().flat_map(|&v| std::iter::repeat_n(v, rows * columns)).collect();
+    let features = Tensor::floats(&[1, embedding.len(), rows, columns], planes);
+    let codes = vision.compressor.run(vec![features]).expect("it runs").swap_remove(0);
+    let cells = rows * columns;
+    codes.as_floats().iter().step_by(cells).copied().collect()
+}
+
+/// A square of Gaussians, facing the camera, in the plane z = 2 m.
+fn add_square(map: &mut HostGaussians, left: f32, colour: [f32; 3], code: &[f32]) {
+    for at in 0..SIDE * SIDE {
+        let offset = |i: usize| (i as f32 - (SIDE - 1) as f32 / 2.0) * STEP;
+        map.means.push([left + offset(at % SIDE), offset(at / SIDE), 2.0]);
+        for (head, feature) in [(&mut map.colour, &colour[..]), (&mut map.language, code)] {
+            head.rotations.push([1.0, 0.0, 0.0, 0.0]);
+            head.log_scales.push([0.6_f32 * STEP; 3].map(f32::ln));
+            head.opacity_logits.push(3.0);
+            head.features.extend_from_slice(feature);
+            head.channels = feature.len();
+        }
+    }
+}
+
+struct Room {
+    snapshot: Arc<MapSnapshot>,
+    thread: QueryThread,
+}
+
+fn room(config: &QueryConfig) -> Room {
+    let (mut vision, mut text) = bundle();
+    let words = ["couch", "banana", "lamp", "floor"];
+    let codes: Vec<Vec<f32>> =
+        words.iter().map(|word| code(&mut vision, &mut text, word)).collect();
+    let mut stage = online(&CompressorConfig::default());
+    stage.observe(&codes.concat());
+    let mut map = HostGaussians::default();
+    add_square(&mut map, -0.5, [0.9, 0.1, 0.1], &stage.encode(&codes[0]));
+    add_square(&mut map, 0.5, [0.9, 0.8, 0.1], &stage.encode(&codes[1]));
+    let gpu = Gpu::new(None).expect("a Vulkan adapter");
+    let thread = QueryThread::start(gpu, text, config).expect("a thread");
+    Room { snapshot: Arc::new(snapshot(map, stage)), thread }
+}
+
+fn snapshot(map: HostGaussians, stage: Box<dyn OnlineStage>) -> MapSnapshot {
+    let frame =
+        TrackedFrame { sequence: 7, timestamp_nanos: 0, world_from_camera: Isometry3::identity() };
+    MapSnapshot {
+        map: "room".into(),
+        revision: 3,
+        gaussians: Arc::new(map),
+        online: stage.into(),
+        intrinsics: Some(CAMERA),
+        trajectory: Arc::new(vec![frame]),
+        keyframes: Arc::default(),
+    }
+}
+
+fn query(text: &str, view: Option<View>) -> Query {
+    Query {
+        text: text.into(),
+        negatives: vec![],
+        outputs: if view.is_some() { Outputs::VIEW } else { Outputs::SPACE },
+        view,
+        threshold: None,
+        smoothing_pixels: Some(5),
+        max_objects: 10,
+    }
+}
+
+fn wait<T>(future: impl Future<Output = T>) -> T {
+    let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+    runtime.block_on(future)
+}
+
+impl Room {
+    fn ask(&self, query: Query) -> Result<Answer, QueryError> {
+        wait(self.thread.ask(self.snapshot.clone(), query))
+    }
+
+    fn render(&self, channel: Channel) -> Picture {
+        let request = RenderRequest { view: View::Frame(7), channel, size: None };
+        wait(self.thread.render(self.snapshot.clone(), request)).expect("it renders")
+    }
+}
+
+#[test]
+fn words_are_found_in_a_view() {
+    let room = room(&QueryConfig::default());
+    // By another word than the map was made of: left; then right.
+    for (word, center) in [("sofa", 79.5 - 35.0), ("banana", 79.5 + 35.0)] {
+        let answer = room.ask(query(word, Some(View::Frame(7)))).expect("an answer");
+        assert!(answer.present && answer.confidence > 0.5, "{word}: {:?}", answer.peak);
+        let peak = answer.peak.expect("a view has a peak");
+        assert!((peak.x - center).abs() < 22.0, "{word}: {peak:?}");
+        let best = answer.boxes.as_ref().expect("asked for")[0];
+        assert!((best.x + best.width / 2.0 - center).abs() < 6.0, "{word}: {best:?}");
+        assert!((best.width - 42.0).abs() < 12.0, "{word}: {best:?}");
+        // Two squares of 42 pixels in 160x120.
+        assert!((answer.coverage - 0.184).abs() < 0.04, "{}", answer.coverage);
+        let heat = answer.heatmap.expect("asked for");
+        assert_eq!((heat.width, heat.height, heat.values.len()), (160, 120, 160 * 120));
+        assert!(heat.values.iter().all(|value| (0.0..=1.0).contains(value)));
+        // Nothing is where nothing is.
+        assert!(heat.values[0] < 0.01);
+    }
+}
+
+#[test]
+fn words_are_found_in_space() {
+    let room = room(&QueryConfig::default());
+    for (word, x) in [("sofa", -0.5), ("banana", 0.5)] {
+        let answer = room.ask(query(word, None)).expect("an answer");
+        assert!(answer.present, "{word}: {:?}", answer.objects);
+        let objects = answer.objects.as_ref().expect("asked for");
+        assert_eq!(objects.len(), 1, "{word}: {objects:?}");
+        let expected = nalgebra::Point3::new(x, 0.0, 2.0);
+        assert!((objects[0].center - expected).norm() < 0.05, "{word}: {:?}", objects[0]);
+        assert_eq!(objects[0].points, SIDE * SIDE);
+        assert_eq!(answer.points.expect("asked for").len(), SIDE * SIDE);
+        assert_eq!(answer.coverage, 1.0);
+    }
+    // Negative control: what is not there is not found.
+    let answer = room.ask(query("bathtub", None)).expect("an answer");
+    let couch = room.ask(query("couch", None)).expect("an answer");
+    assert!(answer.confidence < couch.confidence, "{:?}", answer.objects);
+    assert!(!answer.present, "{:?}", answer.objects);
+}
+
+#[test]
+fn a_map_too_large_to_keep_decoded_gives_the_same_answer() {
+    let kept = room(&QueryConfig::default());
+    let chunked = room(&QueryConfig { feature_cache_mib: 0, ..QueryConfig::default() });
+    let [a, b] = [&kept, &chunked].map(|room| room.ask(query("sofa", None)).expect("an answer"));
+    assert_eq!(a.points, b.points);
+    // Twice is the same: the caches change nothing.
+    assert_eq!(kept.ask(query("sofa", None)).expect("an answer").points, a.points);
+    // Negative control.
+    assert_ne!(kept.ask(query("banana", None)).expect("an answer").points, a.points);
+}
+
+#[test]
+fn an_empty_map_answers_that_it_has_seen_nothing() {
+    let room = room(&QueryConfig::default());
+    let mut map = HostGaussians::default();
+    (map.colour.channels, map.language.channels) = (3, 15);
+    let empty = Arc::new(snapshot(map, online(&CompressorConfig::default())));
+    for view in [None, Some(View::Frame(7))] {
+        let answer = wait(room.thread.ask(empty.clone(), query("couch", view))).expect("an answer");
+        assert!(!answer.present && answer.coverage == 0.0 && answer.confidence == 0.0);
+        assert!(answer.objects.is_none_or(|objects| objects.is_empty()));
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_question_is_named() {
+    let room = room(&QueryConfig::default());
+    let fault = |query: Query| {
+        let error = room.ask(query).expect_err("it is wrong");
+        (error.field(), error.to_string())
+    };
+    let (field, says) = fault(query("couch", Some(View::Frame(8))));
+    assert_eq!(field, Some("view.frame"));
+    assert!(says.contains("found 8"), "{says}");
+    assert_eq!(fault(query(" ", None)).0, Some("text"));
+    assert_eq!(fault(query(&"a".repeat(1025), None)).0, Some("text"));
+    let negatives = vec!["thing".to_owned(); 33];
+    assert_eq!(fault(Query { negatives, ..query("couch", None) }).0, Some("negatives"));
+    let threshold = Some(f32::NAN);
+    assert_eq!(fault(Query { threshold, ..query("couch", None) }).0, Some("threshold"));
+    let huge = Intrinsics { width: 5000, ..CAMERA };
+    let view = View::Camera { intrinsics: huge, world_from_camera: Isometry3::identity() };
+    assert_eq!(fault(query("couch", Some(view))).0, Some("view.camera"));
+    // Negative control: the thread is still there and answers a right one.
+    assert!(room.ask(query("couch", None)).is_ok());
+}
+
+#[test]
+fn pictures_show_the_map() {
+    let room = room(&QueryConfig::default());
+    let (left, right, corner) = (60 * 160 + 44, 60 * 160 + 115, 0);
+    let Picture::Rgb { data, width: 160, height: 120 } = room.render(Channel::Color) else {
+        panic!("colour is RGB of the view's size")
+    };
+    let pixel = |data: &[u8], at: usize| [data[3 * at], data[3 * at + 1], data[3 * at + 2]];
+    assert!(pixel(&data, left)[1] < 80 && pixel(&data, right)[1] > 150);
+    assert_eq!(pixel(&data, corner), [0; 3]);
+    let Picture::Depth { metres, .. } = room.render(Channel::Depth) else { panic!("depth") };
+    assert!((metres[left] - 2.0).abs() < 0.01 && metres[corner] == 0.0, "{}", metres[left]);
+    let Picture::Rgb { data, .. } = room.render(Channel::Language) else { panic!("RGB") };
+    let apart: i32 = pixel(&data, left)
+        .iter()
+        .zip(pixel(&data, right))
+        .map(|(&a, b)| (i32::from(a) - i32::from(b)).abs())
+        .sum();
+    assert!(apart > 60 && pixel(&data, corner) == [0; 3], "{apart}");
+    let request =
+        RenderRequest { view: View::Frame(7), channel: Channel::Opacity, size: Some((80, 60)) };
+    let small = wait(room.thread.render(room.snapshot.clone(), request)).expect("it renders");
+    let Picture::Rgb { data, width: 80, height: 60 } = small else { panic!("of the asked size") };
+    assert!(pixel(&data, 30 * 80 + 22)[0] > 200 && data.len() == 80 * 60 * 3);
+}

@@ -1,0 +1,275 @@
+//! The thread that owns the text networks and a renderer for readers.
+//!
+//! In: snapshots with questions. Out: answers. Questions are answered one after the other; a full
+//! queue makes the asker wait.
+
+use super::answer::{Answer, Heatmap, Picture, Timing};
+use super::clusters::{Density, objects};
+use super::picture::{self, PaletteCache};
+use super::relevancy::Comparison;
+use super::request::{Query, RenderRequest, View};
+use super::scene::Scene;
+use super::space::SpaceCache;
+use super::text::Words;
+use super::view::{self, ViewCache};
+use super::{QueryConfig, QueryError, presence, regions, viewpoint};
+use crate::pipeline::compressor::generic::GenericDecoder;
+use crate::pipeline::network::TextNetworks;
+use crate::pipeline::snapshot::MapSnapshot;
+use lexsplat_gpu::Gpu;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Instant;
+use tokio::sync::{mpsc, oneshot};
+
+enum Job {
+    Ask {
+        asked: Asked,
+        reply: oneshot::Sender<Result<Answer, QueryError>>,
+    },
+    Render {
+        snapshot: Arc<MapSnapshot>,
+        request: RenderRequest,
+        reply: oneshot::Sender<Result<Picture, QueryError>>,
+    },
+}
+
+struct Asked {
+    snapshot: Arc<MapSnapshot>,
+    query: Query,
+    since: Instant,
+}
+
+/// A handle to the thread "query". Dropping it lets the thread finish its queue and waits for it.
+pub struct QueryThread {
+    /// `None` only while dropping.
+    queue: Option<mpsc::Sender<Job>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl QueryThread {
+    /// Starts the thread; it takes the networks with it.
+    ///
+    /// # Errors
+    /// The system's, if there is no thread to be had.
+    pub fn start(gpu: Gpu, networks: TextNetworks, config: &QueryConfig) -> std::io::Result<Self> {
+        let (queue, jobs) = mpsc::channel(config.queue.max(1));
+        let worker = Worker::new(gpu, networks, config.clone());
+        let thread =
+            std::thread::Builder::new().name("query".into()).spawn(move || worker.work(jobs))?;
+        Ok(Self { queue: Some(queue), thread: Some(thread) })
+    }
+
+    /// Answers a question.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the question, or what failed.
+    pub async fn ask(
+        &self,
+        snapshot: Arc<MapSnapshot>,
+        query: Query,
+    ) -> Result<Answer, QueryError> {
+        let asked = Asked { snapshot, query, since: Instant::now() };
+        self.send(|reply| Job::Ask { asked, reply }).await
+    }
+
+    /// Renders a picture.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the request, or what failed.
+    pub async fn render(
+        &self,
+        snapshot: Arc<MapSnapshot>,
+        request: RenderRequest,
+    ) -> Result<Picture, QueryError> {
+        self.send(|reply| Job::Render { snapshot, request, reply }).await
+    }
+
+    async fn send<T>(
+        &self,
+        job: impl FnOnce(oneshot::Sender<Result<T, QueryError>>) -> Job,
+    ) -> Result<T, QueryError> {
+        let queue = self.queue.as_ref().expect("only dropping takes the queue");
+        let (reply, answer) = oneshot::channel();
+        queue.send(job(reply)).await.map_err(|_| QueryError::Stopped)?;
+        answer.await.map_err(|_| QueryError::Stopped)?
+    }
+}
+
+impl Drop for QueryThread {
+    fn drop(&mut self) {
+        self.queue = None;
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the query thread panicked");
+        }
+    }
+}
+
+/// What the thread owns.
+struct Worker {
+    config: QueryConfig,
+    threshold: f32,
+    present_threshold: f32,
+    feature_size: usize,
+    words: Words,
+    decoder: GenericDecoder,
+    scene: Scene,
+    views: ViewCache,
+    space: SpaceCache,
+    palette: PaletteCache,
+}
+
+impl Worker {
+    fn new(gpu: Gpu, networks: TextNetworks, config: QueryConfig) -> Self {
+        let TextNetworks { tower, decompressor, relevancy, feature_size } = networks;
+        let threshold = config.threshold.unwrap_or(relevancy.threshold);
+        Self {
+            threshold,
+            present_threshold: relevancy.present_threshold.unwrap_or(threshold),
+            feature_size,
+            words: Words::new(tower, relevancy, config.cached_texts),
+            decoder: GenericDecoder::new(decompressor),
+            scene: Scene::new(gpu),
+            views: ViewCache::default(),
+            space: SpaceCache::new(config.feature_cache_mib),
+            palette: PaletteCache::default(),
+            config,
+        }
+    }
+
+    fn work(mut self, mut jobs: mpsc::Receiver<Job>) {
+        // Who asked may have gone away: then nobody takes the reply, and that is fine.
+        while let Some(job) = jobs.blocking_recv() {
+            match job {
+                Job::Ask { asked, reply } => drop(reply.send(self.answer(&asked))),
+                Job::Render { snapshot, request, reply } => {
+                    let (scene, palette) = (&mut self.scene, &mut self.palette);
+                    drop(reply.send(picture::render(scene, palette, &snapshot, &request)));
+                }
+            }
+        }
+    }
+
+    fn answer(&mut self, asked: &Asked) -> Result<Answer, QueryError> {
+        let Asked { snapshot, query, since } = asked;
+        let threshold = query.threshold.unwrap_or(self.threshold);
+        if !(0.0..=1.0).contains(&threshold) {
+            return Err(QueryError::BadThreshold { found: threshold });
+        }
+        let mut clock = Instant::now();
+        let comparison = self.words.comparison(query)?;
+        let text = lap(&mut clock);
+        let mut answer = match &query.view {
+            Some(view) => self.answer_view(snapshot, query, view, &comparison, threshold)?,
+            None => self.answer_space(snapshot, query, &comparison, threshold)?,
+        };
+        answer.timing.text = text;
+        answer.timing.total = milliseconds(*since);
+        Ok(answer)
+    }
+
+    fn answer_view(
+        &mut self,
+        snapshot: &MapSnapshot,
+        query: &Query,
+        view: &View,
+        comparison: &Comparison,
+        threshold: f32,
+    ) -> Result<Answer, QueryError> {
+        let camera = viewpoint::camera(snapshot, view)?;
+        let mut timing = Timing::default();
+        let mut clock = Instant::now();
+        let features = match self.views.get(snapshot, &camera) {
+            Some(features) => features,
+            None => {
+                let image = view::render(&mut self.scene, snapshot, &camera, &self.config)?;
+                timing.render = lap(&mut clock);
+                let size = self.feature_size;
+                let features = view::decode(&mut self.decoder, snapshot, &image, size)?;
+                timing.decode = lap(&mut clock);
+                let features = Arc::new(features);
+                self.views.put(snapshot, &camera, features.clone());
+                features
+            }
+        };
+        let side = query.smoothing_pixels.unwrap_or(self.config.smoothing_pixels);
+        let relevancy = features.relevancy(comparison, &camera).smoothed(side as usize);
+        let peak = regions::peak(&relevancy);
+        let boxes = regions::boxes(&relevancy, threshold);
+        // A lone pixel is noise: only regions speak for presence.
+        let confidence =
+            presence::confidence(boxes.first().map(|found| found.score), self.present_threshold);
+        let outputs = query.outputs;
+        let mask = outputs.mask.then(|| regions::mask(&relevancy, threshold));
+        timing.score = lap(&mut clock);
+        Ok(Answer {
+            revision: snapshot.revision,
+            present: presence::is_present(confidence),
+            confidence,
+            coverage: features.coverage(),
+            threshold,
+            heatmap: outputs.heatmap.then_some(Heatmap {
+                width: camera.width,
+                height: camera.height,
+                values: relevancy.values,
+            }),
+            mask,
+            boxes: outputs.boxes.then_some(boxes),
+            peak,
+            points: None,
+            objects: None,
+            timing,
+        })
+    }
+
+    fn answer_space(
+        &mut self,
+        snapshot: &MapSnapshot,
+        query: &Query,
+        comparison: &Comparison,
+        threshold: f32,
+    ) -> Result<Answer, QueryError> {
+        let mut timing = Timing::default();
+        let mut clock = Instant::now();
+        let size = self.feature_size;
+        self.space.prepare(&mut self.decoder, snapshot, size)?;
+        timing.decode = lap(&mut clock);
+        let wanted = (comparison, threshold);
+        let scores = self.space.scores(&mut self.decoder, snapshot, wanted, size)?;
+        let density =
+            Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
+        let mut found = objects(&scores.relevant, density);
+        let confidence =
+            presence::confidence(found.first().map(|object| object.score), self.present_threshold);
+        found.truncate(query.max_objects);
+        timing.score = lap(&mut clock);
+        let outputs = query.outputs;
+        Ok(Answer {
+            revision: snapshot.revision,
+            present: presence::is_present(confidence),
+            confidence,
+            coverage: scores.coverage,
+            threshold,
+            heatmap: None,
+            mask: None,
+            boxes: None,
+            peak: None,
+            points: outputs
+                .points
+                .then(|| scores.relevant.iter().map(|weighted| weighted.point).collect()),
+            objects: outputs.objects.then_some(found),
+            timing,
+        })
+    }
+}
+
+/// Milliseconds since the last lap.
+fn lap(clock: &mut Instant) -> f32 {
+    milliseconds(std::mem::replace(clock, Instant::now()))
+}
+
+fn milliseconds(since: Instant) -> f32 {
+    since.elapsed().as_secs_f32() * 1e3
+}

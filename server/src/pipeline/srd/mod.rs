@@ -1,0 +1,25 @@
+//! Super-resolution decoder (paper §3.2, "High-Resolution CLIP Features"): coarse features and the
+//! encoder's skips in, one feature per grid cell out. The architecture is the bundle's.
+
+use super::network::{Network, NetworkError, Tensor};
+
+/// Makes coarse features dense.
+pub struct SuperResolution {
+    network: Network,
+}
+
+impl SuperResolution {
+    /// With the bundle's network.
+    pub fn new(network: Network) -> Self {
+        Self { network }
+    }
+
+    /// The encoder's outputs, in the manifest's order, to `[1, D, grid height, grid width]`, unit
+    /// length over D.
+    ///
+    /// # Errors
+    /// [`NetworkError`] if the network fails.
+    pub fn upsample(&mut self, coarse_and_skips: Vec<Tensor>) -> Result<Tensor, NetworkError> {
+        Ok(self.network.run(coarse_and_skips)?.swap_remove(0))
+    }
+}

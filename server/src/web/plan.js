@@ -1,0 +1,91 @@
+// The plan: trajectory and objects from above.
+//
+// In: keyframes with world_from_camera (16 numbers, row-major) and objects with boxes, metres.
+// Out: a drawing on a canvas. Knows nothing of the server.
+
+const AXES = { xz: [0, 2], xy: [0, 1], yz: [1, 2] };
+const MARGIN = 30;
+
+// Cameras' y axes point down: the world axis that they agree on most is vertical.
+function fromAbove(frames) {
+  const down = [0, 0, 0];
+  for (const frame of frames) {
+    for (const axis of [0, 1, 2]) down[axis] += frame.world_from_camera[axis * 4 + 1];
+  }
+  const size = down.map(Math.abs);
+  const vertical = size.indexOf(Math.max(...size));
+  return { 0: 'yz', 1: 'xz', 2: 'xy' }[vertical];
+}
+
+export function drawPlan(canvas, frames, objects, plane, chosen) {
+  const context = canvas.getContext('2d');
+  const { width, height } = canvas;
+  context.clearRect(0, 0, width, height);
+  const name = plane === 'auto' ? fromAbove(frames) : plane;
+  const [across, up] = AXES[name];
+  const place = (frame) => [frame.world_from_camera[across * 4 + 3], frame.world_from_camera[up * 4 + 3]];
+  const path = frames.map(place);
+  const corners = objects.flatMap((o) => [[o.aabb_min[across], o.aabb_min[up]], [o.aabb_max[across], o.aabb_max[up]]]);
+  const all = [...path, ...corners];
+  if (all.length === 0) return;
+
+  const least = [0, 1].map((i) => Math.min(...all.map((p) => p[i])));
+  const most = [0, 1].map((i) => Math.max(...all.map((p) => p[i])));
+  const span = Math.max(most[0] - least[0], (most[1] - least[1]) * (width / height), 0.5);
+  const scale = (width - 2 * MARGIN) / span;
+  const middle = [0, 1].map((i) => (least[i] + most[i]) / 2);
+  const pixel = ([x, y]) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
+
+  grid(context, width, height, scale, pixel([0, 0]));
+  context.lineWidth = 2.5;
+  context.strokeStyle = '#22d3ee';
+  context.beginPath();
+  path.map(pixel).forEach(([x, y], at) => (at === 0 ? context.moveTo(x, y) : context.lineTo(x, y)));
+  context.stroke();
+  frames.forEach((frame, at) => camera(context, frame, pixel(path[at]), [across, up], frame.sequence === chosen));
+  objects.forEach((object, at) => box(context, object, at, pixel, [across, up]));
+  context.fillStyle = '#8b95a8';
+  context.font = '16px system-ui';
+  context.fillText(`${name[0]} → , ${name[1]} ↑`, 10, height - 10);
+}
+
+function grid(context, width, height, scale, [zeroX, zeroY]) {
+  const metres = [0.1, 0.25, 0.5, 1, 2, 5, 10, 25, 50, 100, 1000].find((m) => m * scale > 40) ?? 1000;
+  const step = metres * scale;
+  context.strokeStyle = '#1a2130';
+  context.lineWidth = 1;
+  context.beginPath();
+  for (let x = ((zeroX % step) + step) % step; x < width; x += step) { context.moveTo(x, 0); context.lineTo(x, height); }
+  for (let y = ((zeroY % step) + step) % step; y < height; y += step) { context.moveTo(0, y); context.lineTo(width, y); }
+  context.stroke();
+  context.fillStyle = '#8b95a8';
+  context.font = '16px system-ui';
+  context.fillText(`grid ${metres} m`, width - 110, height - 10);
+}
+
+// A dot, and a line where the camera looks (its z axis).
+function camera(context, frame, [x, y], [across, up], chosen) {
+  const ahead = [frame.world_from_camera[across * 4 + 2], -frame.world_from_camera[up * 4 + 2]];
+  context.strokeStyle = context.fillStyle = chosen ? '#ffffff' : '#22d3ee';
+  context.lineWidth = chosen ? 3 : 1.5;
+  context.beginPath();
+  context.arc(x, y, chosen ? 6 : 3, 0, 2 * Math.PI);
+  context.fill();
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(x + ahead[0] * (chosen ? 34 : 14), y + ahead[1] * (chosen ? 34 : 14));
+  context.stroke();
+}
+
+function box(context, object, at, pixel, [across, up]) {
+  const [left, bottom] = pixel([object.aabb_min[across], object.aabb_min[up]]);
+  const [right, top] = pixel([object.aabb_max[across], object.aabb_max[up]]);
+  context.strokeStyle = '#f59e0b';
+  context.fillStyle = at === 0 ? '#f59e0b66' : '#f59e0b26';
+  context.lineWidth = 2;
+  context.fillRect(left, top, right - left, bottom - top);
+  context.strokeRect(left, top, right - left, bottom - top);
+  context.fillStyle = '#fff';
+  context.font = 'bold 16px system-ui';
+  context.fillText(String(at + 1), left + 4, top + 17);
+}

@@ -1,0 +1,89 @@
+//! The server as a process: what it says when it starts, when it cannot, and how it stops.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("server/ lies in the root").into()
+}
+
+/// The server on free ports, with the test's budgets.
+fn server() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"));
+    command.current_dir(root()).args(["--config", "configs/tiny.toml"]);
+    command.args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"]);
+    command
+}
+
+/// What it says when it does not start.
+fn complaint(output: &Output) -> String {
+    assert!(!output.status.success(), "it started");
+    assert!(output.stdout.is_empty(), "it said that it is ready");
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn is_ready_and_stops_when_told_to() {
+    let mut child =
+        server().stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it runs");
+    let mut ready = String::new();
+    let stdout = child.stdout.take().expect("it is piped");
+    BufReader::new(stdout).read_line(&mut ready).expect("it says something");
+    let ready: serde_json::Value = serde_json::from_str(&ready).expect("one line of JSON");
+    assert_eq!(ready["event"], "ready");
+    for address in ["grpc", "http"] {
+        let address = ready[address].as_str().expect("an address");
+        std::net::TcpStream::connect(address).expect("it listens");
+    }
+    assert!(ready["adapter"].as_str().is_some_and(|name| !name.is_empty()), "{ready}");
+    assert_eq!(ready["bundle"], "tiny");
+    let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+    assert!(told.expect("kill runs").success());
+    let status = child.wait().expect("it ends");
+    assert_eq!(status.code(), Some(0), "{status}");
+}
+
+#[test]
+fn refuses_a_key_that_nobody_knows() {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let file = folder.path().join("wrong.toml");
+    fs::write(&file, "[mapper]\nmax_gausians = 5\n").expect("it can be written");
+    let said = complaint(&server().arg("--config").arg(&file).output().expect("it runs"));
+    for expected in ["wrong.toml", "max_gausians", "max_gaussians"] {
+        assert!(said.contains(expected), "no {expected:?} in: {said}");
+    }
+}
+
+#[test]
+fn refuses_a_bundle_that_is_missing_or_corrupt() {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let said = complaint(&server().arg("--models").arg(folder.path()).output().expect("it runs"));
+    assert!(said.contains("manifest.toml"), "{said}");
+    for entry in fs::read_dir(root().join("models/tiny")).expect("the bundle ships") {
+        let from = entry.expect("it can be read").path();
+        let name = from.file_name().expect("a file").to_owned();
+        fs::copy(&from, folder.path().join(name)).expect("it can be copied");
+    }
+    let encoder = folder.path().join("encoder.onnx");
+    let mut bytes = fs::read(&encoder).expect("it is there");
+    bytes.truncate(bytes.len() / 2);
+    fs::write(&encoder, bytes).expect("it can be written");
+    let said = complaint(&server().arg("--models").arg(folder.path()).output().expect("it runs"));
+    assert!(said.contains("encoder.onnx"), "{said}");
+}
+
+#[test]
+fn says_what_to_install_without_a_vulkan_adapter() {
+    let nowhere = "/nonexistent/driver.json";
+    let output = server()
+        .env("VK_DRIVER_FILES", nowhere)
+        .env("VK_ICD_FILENAMES", nowhere)
+        .output()
+        .expect("it runs");
+    let said = complaint(&output);
+    assert!(said.contains("mesa-vulkan-drivers"), "{said}");
+    let other = server().args(["--adapter", "no such adapter"]).output().expect("it runs");
+    assert!(complaint(&other).contains("no such adapter"));
+}

@@ -1,0 +1,155 @@
+//! A robot walks through a room it was never trained on, and plain words find the right things in it.
+
+use lexsplat_server::pipeline::query::{Outputs, Query, View};
+use lexsplat_server::pipeline::snapshot::MapSnapshot;
+use lexsplat_tests::{Robot, Server, tiny_config};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+const FRAMES: usize = 72;
+/// A class counts if some keyframe shows it with at least this many pixels.
+const VISIBLE_PIXELS: usize = 700;
+/// Of the visible classes, at least this share is found.
+const FOUND: f64 = 0.6;
+/// Shuffled features find at most this share.
+const FOUND_SHUFFLED: f64 = 0.3;
+
+/// The things in the room that a keyframe shows well: class and the keyframe that shows it best.
+fn visible(robot: &Robot, keyframes: &[usize]) -> Vec<(&'static str, usize)> {
+    let classes: BTreeSet<_> = robot.room.instances().iter().map(|thing| thing.class).collect();
+    let structure = lexsplat_client::synthetic::STRUCTURE;
+    classes
+        .into_iter()
+        .filter(|class| !structure.contains(class))
+        .filter_map(|class| {
+            let best = keyframes.iter().max_by_key(|at| robot.pixels_of(**at, class))?;
+            (robot.pixels_of(*best, class) >= VISIBLE_PIXELS).then_some((class, *best))
+        })
+        .collect()
+}
+
+async fn ask(server: &Server, map: &str, request: Value) -> Value {
+    let response = reqwest::Client::new()
+        .post(server.url(&format!("/v1/maps/{map}/query")))
+        .json(&request)
+        .send()
+        .await
+        .expect("the server answers");
+    assert!(response.status().is_success(), "{}", response.text().await.unwrap_or_default());
+    response.json().await.expect("with JSON")
+}
+
+/// The map with every Gaussian's code given to another.
+fn shuffled(snapshot: &MapSnapshot) -> Arc<MapSnapshot> {
+    let mut gaussians = (*snapshot.gaussians).clone();
+    let channels = gaussians.language.channels;
+    let mut order: Vec<usize> = (0..gaussians.means.len()).collect();
+    order.shuffle(&mut ChaCha8Rng::seed_from_u64(1));
+    gaussians.language.features = order
+        .iter()
+        .flat_map(|at| &snapshot.gaussians.language.features[at * channels..(at + 1) * channels])
+        .copied()
+        .collect();
+    let mut changed = snapshot.clone();
+    changed.gaussians = Arc::new(gaussians);
+    // Another revision, so that nothing cached of the true one is used.
+    changed.revision += 1_000_000;
+    Arc::new(changed)
+}
+
+/// How many of the things are found in a snapshot, by where the heat map peaks.
+async fn found_in(
+    server: &Server,
+    robot: &Robot,
+    snapshot: &Arc<MapSnapshot>,
+    things: &[(&'static str, usize)],
+) -> usize {
+    let mut found = 0;
+    for (class, frame) in things {
+        let query = Query {
+            text: (*class).into(),
+            negatives: Vec::new(),
+            view: Some(View::Frame(*frame as u64)),
+            outputs: Outputs::VIEW,
+            threshold: None,
+            smoothing_pixels: None,
+            max_objects: 10,
+        };
+        let answer =
+            server.engine.query_snapshot(snapshot.clone(), query).await.expect("it is answered");
+        let peak = answer.peak.expect("a view query has a peak");
+        found += usize::from(
+            robot.class_at(*frame, peak.x as u32, peak.y as u32) == Some(*class),
+        );
+    }
+    found
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn words_find_things_and_shuffled_features_do_not() {
+    let server = Server::start(tiny_config()).await;
+    let robot = Robot::new(8, FRAMES);
+    let acks = server.stream(&robot, "room").await;
+    server.settled("room").await;
+    let keyframes: Vec<usize> =
+        acks.iter().filter(|ack| ack.keyframe).map(|ack| ack.sequence as usize).collect();
+    assert!(keyframes.len() >= 3, "{} keyframes", keyframes.len());
+
+    let things = visible(&robot, &keyframes);
+    assert!(things.len() >= 5, "too little is visible to say anything: {things:?}");
+    let map = server.engine.map("room").expect("it is there");
+    let snapshot = map.snapshot();
+    let found = found_in(&server, &robot, &snapshot, &things).await;
+    let by_chance = found_in(&server, &robot, &shuffled(&snapshot), &things).await;
+    println!("found {found} of {}, shuffled {by_chance}: {things:?}", things.len());
+    let share = |count: usize| count as f64 / things.len() as f64;
+    assert!(share(found) >= FOUND, "found {found} of {things:?}");
+    assert!(share(by_chance) <= FOUND_SHUFFLED, "shuffled features find {by_chance}: {things:?}");
+
+    answers_over_http(&server, &robot, things[0]).await;
+    renders_like_the_frame(&server, &robot, keyframes[0]).await;
+    server.stop().await;
+}
+
+/// The same question over HTTP, with everything that an answer can hold.
+async fn answers_over_http(server: &Server, robot: &Robot, (class, frame): (&str, usize)) {
+    let view = ask(server, "room", json!({"text": class, "view": {"frame": frame}})).await;
+    assert_eq!(view["text"], class);
+    assert_eq!(view["map"], "room");
+    let (width, height) = (robot.camera.width, robot.camera.height);
+    assert_eq!(view["heatmap"]["width"], width);
+    assert_eq!(view["mask"]["size"], json!([height, width]));
+    let runs: u64 = view["mask"]["counts"]
+        .as_array()
+        .expect("run lengths")
+        .iter()
+        .map(|run| run.as_u64().expect("a length"))
+        .sum();
+    assert_eq!(runs, u64::from(width * height), "the run lengths cover the picture");
+    let space = ask(server, "room", json!({"text": class})).await;
+    assert!(space["points"]["count"].as_u64().is_some(), "{space}");
+    assert!(space["objects"].is_array(), "{space}");
+    assert!(space["coverage"].as_f64().expect("a share") > 0.5, "most has language: {space}");
+}
+
+/// The map's colours look like what the robot saw; another frame's do not.
+async fn renders_like_the_frame(server: &Server, robot: &Robot, frame: usize) {
+    let path = format!("/v1/maps/room/render?frame={frame}&channel=color");
+    let png = reqwest::get(server.url(&path)).await.expect("it answers").bytes().await;
+    let picture = image::load_from_memory(&png.expect("with bytes")).expect("a PNG").into_rgb8();
+    let psnr = |view: &[u8]| {
+        let squares = picture.as_raw().iter().zip(view).map(|(a, b)| {
+            let difference = (f64::from(*a) - f64::from(*b)) / 255.0;
+            difference * difference
+        });
+        -10.0 * (squares.sum::<f64>() / view.len() as f64).log10()
+    };
+    let (same, other) = (psnr(&robot.views[frame].rgb), psnr(&robot.views[FRAMES / 2].rgb));
+    println!("PSNR of a keyframe {same:.1} dB, against another view {other:.1} dB");
+    assert!(same > 20.0, "{same:.1} dB");
+    assert!(other < same - 5.0, "another view scores {other:.1} dB, this one {same:.1} dB");
+}

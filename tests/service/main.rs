@@ -1,0 +1,7 @@
+//! A server with everything in it, and its clients.
+
+mod backpressure;
+mod bad_input;
+mod end_to_end;
+mod outside;
+mod shutdown;

@@ -1,0 +1,51 @@
+//! A client that shares nothing with lexsplat but the wire: Python's gRPC and the server's reflection.
+
+use lexsplat_client::synthetic;
+use lexsplat_tests::{Server, root, tiny_config};
+use std::process::Command;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn python_streams_and_a_heat_map_comes_back_as_npy() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let plan = synthetic::write::Plan { seed: 5, frames: 12, width: 160, height: 120 };
+    synthetic::write::write(folder.path(), &plan, |_| {}).expect("the room can be written");
+    let server = Server::start(tiny_config()).await;
+    let robot = Command::new("python3")
+        .env("PYTHONPATH", root().join(".deps/python"))
+        .arg(root().join("tests/outside/robot.py"))
+        .args([&server.grpc, "outside"])
+        .arg(folder.path())
+        .output()
+        .expect("python3 runs");
+    let said = String::from_utf8_lossy(&robot.stdout);
+    let complained = String::from_utf8_lossy(&robot.stderr);
+    assert!(robot.status.success(), "{said}{complained} (make deps installs what it needs)");
+    assert!(said.contains("12 frames tracked"), "{said}{complained}");
+    server.settled("outside").await;
+
+    let http = reqwest::Client::new();
+    let answer: serde_json::Value = http
+        .post(format!("http://{}/v1/maps/outside/query", server.http))
+        .json(&serde_json::json!({"text": "chair", "view": {"frame": 0}}))
+        .send()
+        .await
+        .expect("the server answers")
+        .json()
+        .await
+        .expect("with JSON");
+    let url = answer["heatmap"]["url"].as_str().unwrap_or_else(|| panic!("no heat map: {answer}"));
+    let npy = http
+        .get(format!("http://{}{url}", server.http))
+        .header("Accept", "application/x-npy")
+        .send()
+        .await
+        .expect("the server answers")
+        .bytes()
+        .await
+        .expect("with bytes");
+    assert_eq!(&npy[..6], b"\x93NUMPY");
+    let header = String::from_utf8_lossy(&npy[10..128]);
+    assert!(header.contains("'<f4'") && header.contains("(120, 160)"), "{header}");
+    assert_eq!(npy.len() % 64, (120 * 160 * 4) % 64, "a header of whole 64 bytes, then the values");
+    server.stop().await;
+}

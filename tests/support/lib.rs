@@ -1,0 +1,15 @@
+//! What the integration tests share: a server in this process with real listeners, a robot in a
+//! synthetic room, and what is true of that room.
+
+mod robot;
+mod server;
+
+pub use robot::{Robot, raw};
+pub use server::{Server, first_error, tiny_config};
+
+use std::path::{Path, PathBuf};
+
+/// The project's root.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the root").to_path_buf()
+}

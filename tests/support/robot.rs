@@ -1,0 +1,106 @@
+//! A robot in a synthetic room: what it sends, and what is true of what it saw.
+
+use lexsplat_client::synthetic::{self, Camera, Room, View};
+use lexsplat_proto::v1::{self, frame_message::Message};
+use nalgebra::Isometry3;
+
+/// Columns of what the robot sees.
+const WIDTH: u32 = 320;
+/// Rows.
+const HEIGHT: u32 = 240;
+/// Metres per unit of its 16-bit depth images.
+const DEPTH_UNIT_METRES: f64 = 1.0 / 6553.5;
+/// Between frames.
+const FRAME_NANOS: u64 = 33_333_333;
+
+/// A walk through a room, rendered.
+pub struct Robot {
+    /// The room.
+    pub room: Room,
+    /// The camera.
+    pub camera: Camera,
+    /// `world_from_camera` of each frame.
+    pub poses: Vec<Isometry3<f64>>,
+    /// What each frame shows.
+    pub views: Vec<View>,
+}
+
+impl Robot {
+    /// Walks through the room of that seed.
+    pub fn new(seed: u64, frames: usize) -> Self {
+        let (room, camera) = (Room::new(seed), Camera::new(WIDTH, HEIGHT));
+        let poses = room.path(frames);
+        let views = poses.iter().map(|pose| room.render(&camera, pose)).collect();
+        Self { room, camera, poses, views }
+    }
+
+    /// The message that opens a map.
+    pub fn open(&self, map: &str) -> v1::FrameMessage {
+        let Camera { width, height, fx, fy, cx, cy } = self.camera;
+        let open = v1::OpenMap {
+            map: map.into(),
+            intrinsics: Some(v1::Intrinsics { width, height, fx, fy, cx, cy }),
+            depth_unit_metres: DEPTH_UNIT_METRES,
+            pose_source: v1::PoseSource::Given.into(),
+        };
+        v1::FrameMessage { message: Some(Message::Open(open)) }
+    }
+
+    /// A frame as a robot sends it: JPEG and 16-bit PNG.
+    pub fn frame(&self, at: usize) -> v1::Frame {
+        let view = &self.views[at];
+        v1::Frame {
+            sequence: at as u64,
+            timestamp_nanos: at as u64 * FRAME_NANOS,
+            color_format: v1::ColorFormat::Jpeg.into(),
+            color: synthetic::write::jpeg(view).expect("it encodes").into(),
+            depth_format: v1::DepthFormat::Png16.into(),
+            depth: synthetic::write::depth_png(view).expect("it encodes").into(),
+            world_from_camera: Some(pose(&self.poses[at])),
+            pose_covariance: Vec::new(),
+        }
+    }
+
+    /// The opening message and every frame.
+    pub fn messages(&self, map: &str) -> Vec<v1::FrameMessage> {
+        let frames = (0..self.views.len())
+            .map(|at| v1::FrameMessage { message: Some(Message::Frame(self.frame(at))) });
+        std::iter::once(self.open(map)).chain(frames).collect()
+    }
+
+    /// The class at a pixel of a frame.
+    pub fn class_at(&self, frame: usize, column: u32, row: u32) -> Option<&'static str> {
+        let id = self.views[frame].instances[(row * WIDTH + column) as usize];
+        let at = usize::from(id).checked_sub(1)?;
+        Some(self.room.instances()[at].class)
+    }
+
+    /// Pixels of a class in a frame.
+    pub fn pixels_of(&self, frame: usize, class: &str) -> usize {
+        let instances = self.room.instances();
+        let is_class =
+            |id: &&u8| **id > 0 && instances[usize::from(**id) - 1].class == class;
+        self.views[frame].instances.iter().filter(is_class).count()
+    }
+}
+
+/// A pose on the wire.
+fn pose(world_from_camera: &Isometry3<f64>) -> v1::Pose {
+    let (q, t) = (world_from_camera.rotation, world_from_camera.translation);
+    v1::Pose {
+        rotation: Some(v1::Quaternion { w: q.w, x: q.i, y: q.j, z: q.k }),
+        translation_metres: Some(v1::Vector3 { x: t.x, y: t.y, z: t.z }),
+    }
+}
+
+/// A frame without any compression: raw RGB and metres, 0.54 MB.
+pub fn raw(robot: &Robot, at: usize) -> v1::Frame {
+    let view = &robot.views[at];
+    v1::Frame {
+        color_format: v1::ColorFormat::Rgb8.into(),
+        color: view.rgb.clone().into(),
+        depth_format: v1::DepthFormat::F32Metres.into(),
+        depth: view.depth.iter().flat_map(|metres| metres.to_le_bytes()).collect::<Vec<_>>().into(),
+        ..robot.frame(at)
+    }
+}

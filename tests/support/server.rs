@@ -1,0 +1,123 @@
+//! A server in this process: real listeners on free ports, real adapter, real networks.
+
+use crate::{Robot, root};
+use lexsplat_proto::v1;
+use lexsplat_proto::v1::mapping_client::MappingClient;
+use lexsplat_server::config::Config;
+use lexsplat_server::pipeline::engine::Engine;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio_stream::StreamExt as _;
+use tonic::transport::Channel;
+use tonic::{Response, Status, Streaming};
+
+/// How long a map may take to settle on a slow machine.
+const SETTLE: Duration = Duration::from_secs(300);
+
+/// `configs/tiny.toml`: small budgets, the shipped bundle.
+pub fn tiny_config() -> Config {
+    let mut config =
+        Config::load(Some(&root().join("configs/tiny.toml"))).expect("the shipped file is right");
+    config.language.models = root().join("models/tiny");
+    config
+}
+
+/// A running server; stop it with [`Server::stop`].
+pub struct Server {
+    /// What is behind the edges.
+    pub engine: Arc<Engine>,
+    /// Address of gRPC.
+    pub grpc: String,
+    /// Address of HTTP.
+    pub http: String,
+    stop: oneshot::Sender<()>,
+    serving: JoinHandle<()>,
+}
+
+impl Server {
+    /// Starts on free ports and waits until it answers.
+    pub async fn start(config: Config) -> Self {
+        let bind = || async { TcpListener::bind("127.0.0.1:0").await.expect("a port is free") };
+        let (grpc, http) = (bind().await, bind().await);
+        let address = |listener: &TcpListener| listener.local_addr().expect("it is bound").to_string();
+        let (grpc_address, http_address) = (address(&grpc), address(&http));
+        let engine = Engine::start(config.pipeline()).expect("the pipeline starts");
+        let engine = Arc::new(engine);
+        let (stop, stopped) = oneshot::channel::<()>();
+        let listeners = lexsplat_server::Listeners { grpc, http };
+        let behind = engine.clone();
+        let serving = tokio::spawn(async move {
+            let until = async move {
+                let _ = stopped.await;
+            };
+            lexsplat_server::serve(behind, listeners, config, |_| {}, until)
+                .await
+                .expect("the server ends well");
+        });
+        Self { engine, grpc: grpc_address, http: http_address, stop, serving }
+    }
+
+    /// Tells the server to stop and waits until it has.
+    pub async fn stop(self) {
+        self.stop.send(()).expect("the server waits for this");
+        self.serving.await.expect("the server does not panic");
+    }
+
+    /// A gRPC client.
+    pub async fn client(&self) -> MappingClient<Channel> {
+        let url = format!("http://{}", self.grpc);
+        let client = MappingClient::connect(url).await.expect("the server listens");
+        client.max_decoding_message_size(64 << 20)
+    }
+
+    /// Streams everything the robot has into a map and returns all acknowledgements.
+    pub async fn stream(&self, robot: &Robot, map: &str) -> Vec<v1::FrameAck> {
+        let messages = robot.messages(map);
+        self.send(messages).await.expect("the stream ends well")
+    }
+
+    /// Sends messages and returns all acknowledgements.
+    ///
+    /// # Errors
+    /// The status that ended the stream.
+    pub async fn send(&self, messages: Vec<v1::FrameMessage>) -> Result<Vec<v1::FrameAck>, Status> {
+        let mut client = self.client().await;
+        let acks = client.stream_frames(tokio_stream::iter(messages)).await?.into_inner();
+        acks.collect::<Result<Vec<_>, _>>().await
+    }
+
+    /// Waits until the map has done its work on what it has.
+    pub async fn settled(&self, map: &str) {
+        let map = self.engine.map(map).expect("the map is there");
+        let since = Instant::now();
+        while !map.status().settled {
+            assert!(since.elapsed() < SETTLE, "not settled: {:?}", map.status());
+            assert!(map.status().failure.is_none(), "failed: {:?}", map.status());
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
+    /// The address of a path over HTTP.
+    pub fn url(&self, path: &str) -> String {
+        format!("http://{}{path}", self.http)
+    }
+}
+
+/// The first error of a stream of acknowledgements, at its opening or later.
+pub async fn first_error(
+    opened: Result<Response<Streaming<v1::FrameAck>>, Status>,
+) -> Option<Status> {
+    let mut acks = match opened {
+        Err(status) => return Some(status),
+        Ok(response) => response.into_inner(),
+    };
+    while let Some(ack) = acks.next().await {
+        if let Err(status) = ack {
+            return Some(status);
+        }
+    }
+    None
+}
