@@ -47,6 +47,7 @@ impl<T: Pod> Buffer<T> {
                 | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         };
+        gpu.check()?;
         let raw = gpu.scoped(|device| device.create_buffer(&descriptor)).map_err(refuse)?;
         Ok(Self { raw, len, kind: PhantomData })
     }
@@ -99,6 +100,7 @@ pub fn largest_binding(gpu: &Gpu) -> u64 {
 /// Waits for the device and reads the first bytes of several buffers, one after the other. Sizes are
 /// multiples of four.
 pub(crate) fn read_bytes(gpu: &Gpu, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
+    gpu.check()?;
     let total: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
     if total == 0 {
         gpu.wait()?;

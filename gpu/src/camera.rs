@@ -43,8 +43,7 @@ impl Camera {
     /// Pixel (u, v) and depth z in metres of a world point; `None` if it is not in front.
     pub fn project(&self, point: &Point3<f32>) -> Option<(f32, f32, f32)> {
         let p = self.camera_from_world * point;
-        (p.z > 0.0)
-            .then(|| (self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy, p.z))
+        (p.z > 0.0).then(|| (self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy, p.z))
     }
 
     /// The world point at pixel (u, v) and depth z in metres.

@@ -41,10 +41,11 @@ impl Gpu {
         let fits = |name: &str| {
             adapter.is_none_or(|wanted| name.to_lowercase().contains(&wanted.to_lowercase()))
         };
-        let chosen = names.iter().position(|name| fits(name)).ok_or_else(|| GpuError::NoAdapter {
-            wanted: adapter.map(|wanted| format!("named {wanted:?} ")).unwrap_or_default(),
-            found: names.join(", "),
-        })?;
+        let chosen =
+            names.iter().position(|name| fits(name)).ok_or_else(|| GpuError::NoAdapter {
+                wanted: adapter.map(|wanted| format!("named {wanted:?} ")).unwrap_or_default(),
+                found: names.join(", "),
+            })?;
         let (name, adapter) = (names[chosen].clone(), adapters.swap_remove(chosen));
         let limits = adapter.limits();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
@@ -139,13 +140,60 @@ fn watch(device: &wgpu::Device) -> Arc<Mutex<Option<Fault>>> {
     };
     let slot = fault.clone();
     device.set_device_lost_callback(move |reason, message| {
-        if reason != wgpu::DeviceLostReason::Destroyed {
-            keep(&slot, Fault::Lost(message));
-        }
+        keep(&slot, Fault::Lost(format!("{reason:?}: {message}")));
     });
     let slot = fault.clone();
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
         keep(&slot, Fault::Refused(error.to_string()));
     }));
     fault
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Gpu;
+    use crate::buffer::Buffer;
+    use crate::{Camera, Gaussians, GpuError, HostGaussians, HostHead, Renderer};
+    use nalgebra::Isometry3;
+
+    #[test]
+    fn a_lost_device_is_an_error_and_no_panic() {
+        let gpu = Gpu::new(None).expect("these tests need a vulkan adapter");
+        let mut renderer = Renderer::new(&gpu, 1).expect("compiles");
+        let mut map = Gaussians::new(&gpu, 1);
+        let head = |channels| HostHead {
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[0.0; 3]],
+            opacity_logits: vec![0.0],
+            features: vec![1.0; channels],
+            channels,
+        };
+        let one =
+            HostGaussians { means: vec![[0.0, 0.0, 2.0]], colour: head(3), language: head(1) };
+        map.append(&one).expect("fits");
+        let camera = Camera {
+            width: 8,
+            height: 8,
+            fx: 8.0,
+            fy: 8.0,
+            cx: 3.5,
+            cy: 3.5,
+            camera_from_world: Isometry3::identity(),
+        };
+        renderer.render_colour(&map, &camera).expect("the device is there");
+        gpu.device().destroy();
+        let lost = |error: GpuError| matches!(error, GpuError::DeviceLost(_));
+        assert!(lost(renderer.render_colour(&map, &camera).expect_err("it is gone")));
+        assert!(lost(map.to_host().expect_err("it is gone")));
+        assert!(lost(map.append(&one).expect_err("it is gone")));
+        assert!(lost(Buffer::<u32>::new(&gpu, "late", 8).err().expect("it is gone")));
+    }
+
+    #[test]
+    fn a_buffer_beyond_the_limits_is_refused() {
+        let gpu = Gpu::new(None).expect("these tests need a vulkan adapter");
+        let error = Buffer::<u32>::new(&gpu, "huge", usize::MAX >> 8).err().expect("too large");
+        assert!(matches!(error, GpuError::OutOfMemory { .. }), "{error}");
+        Buffer::<u32>::new(&gpu, "small", 8).expect("the device is as it was");
+    }
 }

@@ -181,10 +181,16 @@ impl Arrays {
     fn buffers(&self) -> Vec<(&wgpu::Buffer, usize)> {
         let mut buffers: Vec<(&wgpu::Buffer, usize)> = Vec::new();
         let (colour, language) = (&self.colour, &self.language);
-        let parameters =
-            [&self.means, &colour.geometry, &colour.features, &language.geometry, &language.features];
+        let parameters = [
+            &self.means,
+            &colour.geometry,
+            &colour.features,
+            &language.geometry,
+            &language.features,
+        ];
         for kind in parameters {
-            buffers.extend([&kind.values, &kind.first, &kind.second].map(|b| (&**b, 4 * kind.rows)));
+            buffers
+                .extend([&kind.values, &kind.first, &kind.second].map(|b| (&**b, 4 * kind.rows)));
         }
         buffers.extend([&colour.steps, &language.steps].map(|steps| (&**steps, 1)));
         buffers
@@ -223,6 +229,7 @@ impl Gaussians {
         if more.is_empty() {
             return Ok(());
         }
+        self.gpu.check()?;
         self.reserve(self.len + more.len())?;
         let arrays = self.arrays.as_ref().expect("reserved above");
         let means: Vec<Row> = more.means.iter().map(|m| [m[0], m[1], m[2], 0.0]).collect();
@@ -240,7 +247,8 @@ impl Gaussians {
     /// the map is then as it was.
     pub fn retain(&mut self, keep: &[bool]) -> Result<(), GpuError> {
         expect_len("keep", self.len, keep.len())?;
-        let index: Vec<u32> = (0u32..).zip(keep).filter(|(_, keep)| **keep).map(|(i, _)| i).collect();
+        let index: Vec<u32> =
+            (0u32..).zip(keep).filter(|(_, keep)| **keep).map(|(i, _)| i).collect();
         let Some(old) = self.arrays.as_ref().filter(|_| index.len() < self.len) else {
             return Ok(());
         };

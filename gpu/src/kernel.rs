@@ -47,9 +47,10 @@ impl Kernel {
             source: wgpu::ShaderSource::Wgsl(shader.compose().into()),
         });
         let uniform = wgpu::BufferBindingType::Uniform;
-        let storage = shader.bindings.iter().map(|access| wgpu::BufferBindingType::Storage {
-            read_only: *access == Access::Read,
-        });
+        let storage = shader
+            .bindings
+            .iter()
+            .map(|access| wgpu::BufferBindingType::Storage { read_only: *access == Access::Read });
         let entries: Vec<_> = std::iter::once(uniform)
             .chain(storage)
             .zip(0..)
@@ -64,8 +65,10 @@ impl Kernel {
                 count: None,
             })
             .collect();
-        let layout = device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label,
+            entries: &entries,
+        });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
             bind_group_layouts: &[Some(&layout)],
@@ -98,6 +101,7 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// [`GpuError::OutOfMemory`] when not even the uniforms fit.
     pub fn new(gpu: &'a Gpu) -> Result<Self, GpuError> {
+        gpu.check()?;
         let bytes = UNIFORM_SLOTS * UNIFORM_BYTES;
         let descriptor = wgpu::BufferDescriptor {
             label: Some("uniforms"),

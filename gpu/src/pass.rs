@@ -27,6 +27,7 @@ pub struct Pass {
     blend: Blend,
     rows: usize,
     hit_capacity: usize,
+    first_hit_capacity: usize,
     scratch: Option<Scratch>,
     training: Option<Training>,
     last: Option<PassArguments>,
@@ -71,12 +72,18 @@ impl Pass {
     ///
     /// # Errors
     /// As [`crate::kernel::Kernel::new`].
-    pub fn new(gpu: &Gpu, rows: usize, colour: bool, hit_capacity: usize) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        rows: usize,
+        colour: bool,
+        hit_capacity: usize,
+    ) -> Result<Self, GpuError> {
         Ok(Self {
             project: Project::new(gpu, colour)?,
             blend: Blend::new(gpu, rows, colour)?,
             rows,
             hit_capacity,
+            first_hit_capacity: hit_capacity,
             scratch: None,
             training: None,
             last: None,
@@ -86,8 +93,24 @@ impl Pass {
     /// Makes room for a map and a view.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`].
+    /// [`GpuError::OutOfMemory`]; the lists then start small again, so that one view that asks for too
+    /// much does not stop the others.
     pub fn reserve(
+        &mut self,
+        gpu: &Gpu,
+        lister: &Lister,
+        view: (&Gaussians, &Camera),
+        training: bool,
+    ) -> Result<(), GpuError> {
+        let made = self.allocate(gpu, lister, view, training);
+        if made.is_err() {
+            self.hit_capacity = self.first_hit_capacity;
+            (self.scratch, self.training, self.last) = (None, None, None);
+        }
+        made
+    }
+
+    fn allocate(
         &mut self,
         gpu: &Gpu,
         lister: &Lister,
@@ -137,12 +160,7 @@ impl Pass {
         let scratch = self.scratch.as_ref().expect("reserved by the caller");
         let (ranks, hits, ranges) = (&scratch.ranks, &scratch.hits, &scratch.ranges);
         ranks.count.write(gpu, 0, &[count as u32]);
-        self.project.forward(
-            recorder,
-            &arguments,
-            (&means.values, &head.geometry.values),
-            ranks,
-        );
+        self.project.forward(recorder, &arguments, (&means.values, &head.geometry.values), ranks);
         lister.tiles.list(recorder, &arguments, (ranks, hits, ranges), &lister.sort);
         let lists = Lists { arguments: &arguments, ranks, hits, ranges };
         let picture = (&scratch.image, &scratch.pixels);
@@ -236,7 +254,10 @@ impl Pass {
     /// Bytes of scratch on the device.
     pub fn device_bytes(&self) -> u64 {
         let forward = self.scratch.as_ref().map_or(0, |s| {
-            s.ranks.splats.size() + s.image.size() + s.pixels.size() + s.hits.sort.keys[0].size() * 6
+            s.ranks.splats.size()
+                + s.image.size()
+                + s.pixels.size()
+                + s.hits.sort.keys[0].size() * 6
         });
         let backward = self.training.as_ref().map_or(0, |t| {
             t.records.size() + t.image_gradients.size() + t.gradients.features.size()

@@ -222,7 +222,8 @@ impl Renderer {
             let map = (&arrays.means, head, gaussians.len());
             pass.forward(&self.gpu, &mut recorder, &self.lister, map, camera);
             recorder.submit();
-            let (image, states) = (rows * pixels * size_of::<Row>(), pixels * size_of::<PixelState>());
+            let (image, states) =
+                (rows * pixels * size_of::<Row>(), pixels * size_of::<PixelState>());
             let parts: [(&wgpu::Buffer, u64); 3] = [
                 (pass.hit_count(), size_of::<HitCount>() as u64),
                 (pass.image(), image as u64),
@@ -361,7 +362,8 @@ impl Renderer {
     /// Waits for the step, keeps its losses and grows what overflowed; false if something did.
     fn finish_step(&mut self, view: &TrainingView<'_>) -> Result<bool, GpuError> {
         let mut parts: Vec<(&wgpu::Buffer, u64)> = vec![(&self.results, self.results.size())];
-        let heads = [(view.colour.is_some(), &self.colour), (view.language.is_some(), &self.language)];
+        let heads =
+            [(view.colour.is_some(), &self.colour), (view.language.is_some(), &self.language)];
         for (_, pass) in heads.iter().filter(|(used, _)| *used) {
             parts.push((pass.hit_count(), size_of::<HitCount>() as u64));
         }

@@ -69,8 +69,7 @@ impl ColourTarget {
                 let depth = depth_metres[pixel];
                 let depth = if depth > 0.0 && depth.is_finite() { depth } else { -1.0 };
                 let unit = |channel: usize| f32::from(rgb8[3 * pixel + channel]) / 255.0;
-                let colour =
-                    if valid(pixel) { [unit(0), unit(1), unit(2)] } else { [-1.0; 3] };
+                let colour = if valid(pixel) { [unit(0), unit(1), unit(2)] } else { [-1.0; 3] };
                 [colour[0], colour[1], colour[2], depth]
             })
             .collect();

@@ -7,7 +7,12 @@ use std::process::Command;
 #[tokio::test(flavor = "multi_thread")]
 async fn python_streams_and_a_heat_map_comes_back_as_npy() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let plan = synthetic::write::Plan { seed: 5, frames: 12, width: 160, height: 120 };
+    let plan = synthetic::write::Plan {
+        seed: 5,
+        frames: 12,
+        every: 1,
+        camera: synthetic::Camera::new(160, 120),
+    };
     synthetic::write::write(folder.path(), &plan, |_| {}).expect("the room can be written");
     let server = Server::start(tiny_config()).await;
     let robot = Command::new("python3")

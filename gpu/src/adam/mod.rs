@@ -45,7 +45,12 @@ impl Default for LearningRates {
         Self {
             mean: 1.6e-4 * 6.0,
             colour: HeadRates { rotation: 1e-3, log_scale: 6e-3, opacity: 0.05, feature: 7e-4 },
-            language: HeadRates { rotation: 1e-3, log_scale: 1.2e-3, opacity: 0.05, feature: 2.5e-3 },
+            language: HeadRates {
+                rotation: 1e-3,
+                log_scale: 1.2e-3,
+                opacity: 0.05,
+                feature: 2.5e-3,
+            },
         }
     }
 }

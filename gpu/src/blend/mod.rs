@@ -135,13 +135,8 @@ impl Blend {
         pixels: &Buffer<PixelState>,
         weights: &Buffer<u32>,
     ) {
-        let buffers: [&wgpu::Buffer; 5] = [
-            lists.ranges,
-            &lists.hits.gaussian_from_sorted,
-            &lists.ranks.splats,
-            pixels,
-            weights,
-        ];
+        let buffers: [&wgpu::Buffer; 5] =
+            [lists.ranges, &lists.hits.gaussian_from_sorted, &lists.ranks.splats, pixels, weights];
         recorder.dispatch(&self.weights, lists.arguments, &buffers, lists.tiles());
     }
 

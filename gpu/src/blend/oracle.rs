@@ -102,8 +102,7 @@ pub fn backward(
     (channels, size): (usize, [usize; 2]),
 ) -> Gradients {
     let order = depth_order(splats);
-    let none =
-        Splat { mean: Vector2::zeros(), conic: Matrix2::zeros(), opacity: 0.0, depth: 0.0 };
+    let none = Splat { mean: Vector2::zeros(), conic: Matrix2::zeros(), opacity: 0.0, depth: 0.0 };
     let mut gradients =
         Gradients { splats: vec![none; splats.len()], features: vec![0.0; features.len()] };
     for (pixel, g) in d_image.chunks(channels).enumerate() {

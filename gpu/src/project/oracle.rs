@@ -118,7 +118,8 @@ pub fn forward(view: &View, shape: &Shape) -> Option<Splat> {
     if !usable {
         return None;
     }
-    let local = rotation(&(shape.rotation / norm)) * Matrix3::from_diagonal(&scales(&shape.log_scale));
+    let local =
+        rotation(&(shape.rotation / norm)) * Matrix3::from_diagonal(&scales(&shape.log_scale));
     let root = view.jacobian(&p) * view.rotation * local;
     let sigma = root * root.transpose() + Matrix2::identity() * f64::from(DILATION);
     let mean = view.focal.component_mul(&p.xy()) / p.z + view.centre;

@@ -120,7 +120,10 @@ pub fn router(context: Context) -> Router {
 }
 
 async fn not_found(uri: axum::http::Uri) -> Problem {
-    Problem::not_found(format!("no route {}: GET /openapi.json lists those that there are", uri.path()))
+    Problem::not_found(format!(
+        "no route {}: GET /openapi.json lists those that there are",
+        uri.path()
+    ))
 }
 
 async fn method_not_allowed(method: Method, uri: axum::http::Uri) -> Problem {

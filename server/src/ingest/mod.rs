@@ -79,10 +79,13 @@ impl MappingService {
     pub async fn serve(self, listener: TcpListener) -> Result<(), IngestError> {
         let (health, health_service) = tonic_health::server::health_reporter();
         health.set_serving::<MappingServer<Self>>().await;
-        let reflection = tonic_reflection::server::Builder::configure()
-            .register_encoded_file_descriptor_set(DESCRIPTORS)
-            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-            .build_v1()?;
+        // Most clients still ask for the older of the two versions of reflection.
+        let reflection = || {
+            tonic_reflection::server::Builder::configure()
+                .register_encoded_file_descriptor_set(DESCRIPTORS)
+                .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        };
+        let (reflection, older) = (reflection().build_v1()?, reflection().build_v1alpha()?);
         let config = self.config.clone();
         let stopping = self.stopping.clone();
         let mapping = MappingServer::new(self)
@@ -96,6 +99,7 @@ impl MappingService {
             .initial_stream_window_size(STREAM_WINDOW_BYTES)
             .add_service(health_service)
             .add_service(reflection)
+            .add_service(older)
             .add_service(mapping)
             .serve_with_incoming_shutdown(
                 TcpIncoming::from(listener).with_nodelay(Some(true)),

@@ -95,12 +95,12 @@ fn append_until_closed(
 ) {
     while let Some(first) = waiting.blocking_recv() {
         match append_group(file, first, &mut waiting) {
-            Ok(newest) => report.send_replace(Ok(Some(newest))),
+            Ok(newest) => report.send_modify(|state| *state = Ok(Some(newest))),
             Err(reason) => {
-                report.send_replace(Err(reason.to_string()));
+                report.send_modify(|state| *state = Err(reason.to_string()));
                 return;
             }
-        };
+        }
     }
 }
 

@@ -37,8 +37,12 @@ fn every_shader_is_valid_on_the_portable_baseline() {
                 };
                 let writes = access.contains(naga::StorageAccess::STORE);
                 let declared = shader.bindings.get(slot - 1);
-                assert_eq!(declared, Some(&if writes { Access::Write } else { Access::Read }),
-                    "{}: binding {slot}", shader.label);
+                assert_eq!(
+                    declared,
+                    Some(&if writes { Access::Write } else { Access::Read }),
+                    "{}: binding {slot}",
+                    shader.label
+                );
                 assert!(!used[handle].is_empty(), "{}: binding {slot} unused", shader.label);
             }
         }
@@ -91,8 +95,10 @@ fn compare(module: &naga::Module, wanted: &layout::Struct) -> Result<(), String>
     }
     for (member, field) in members.iter().zip(wanted.fields) {
         if member.name.as_deref() != Some(field.name) || member.offset as usize != field.offset {
-            return Err(format!("{:?} at {}, in rust {} at {}", member.name, member.offset,
-                field.name, field.offset));
+            return Err(format!(
+                "{:?} at {}, in rust {} at {}",
+                member.name, member.offset, field.name, field.offset
+            ));
         }
     }
     Ok(())

@@ -1,6 +1,6 @@
-//! Timings, for a person to read: `cargo test -p lexsplat-gpu --test speed -- --ignored --nocapture`.
+//! Timings, for a person to read: `cargo test -p lexsplat-gpu speed -- --ignored --nocapture`.
 
-mod support;
+use crate::support;
 
 use std::time::Instant;
 
@@ -24,15 +24,21 @@ fn time_of_forward_and_step() {
             gaussians.append(&support::scene(1, count, channels, size)).expect("fits");
             let pixels = camera.pixels();
             let rgb = vec![127; 3 * pixels];
-            let target = ColourTarget::new(&gpu, (width, height), &rgb, &vec![2.0; pixels])
-                .expect("fits");
+            let target =
+                ColourTarget::new(&gpu, (width, height), &rgb, &vec![2.0; pixels]).expect("fits");
             let codes = vec![0.5; channels * labels.pixels()];
-            let language =
-                LanguageTarget::new(&gpu, labels.width, labels.height, channels, &codes)
-                    .expect("fits");
+            let language = LanguageTarget::new(&gpu, labels.width, labels.height, channels, &codes)
+                .expect("fits");
             let best = |run: &mut dyn FnMut()| {
                 run();
-                (0..5).map(|_| { let t = Instant::now(); run(); t.elapsed() }).min().expect("five")
+                (0..5)
+                    .map(|_| {
+                        let t = Instant::now();
+                        run();
+                        t.elapsed()
+                    })
+                    .min()
+                    .expect("five")
             };
             let colour = best(&mut || {
                 renderer.render_colour(&gaussians, &camera).expect("renders");

@@ -41,9 +41,8 @@ pub fn scene(seed: u64, count: usize, channels: usize, size: f32) -> HostGaussia
         gaussians.means.push([side(), side(), z]);
         for head in [&mut gaussians.colour, &mut gaussians.language] {
             head.rotations.push(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
-            head.log_scales.push(std::array::from_fn(|_| {
-                (size * rng.random_range(0.4f32..2.0)).ln()
-            }));
+            head.log_scales
+                .push(std::array::from_fn(|_| (size * rng.random_range(0.4f32..2.0)).ln()));
             head.opacity_logits.push(rng.random_range(-2.0..3.0));
             head.features.extend((0..head.channels).map(|_| rng.random_range(0.0f32..1.0)));
         }

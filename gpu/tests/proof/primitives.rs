@@ -1,7 +1,8 @@
 //! Scan, sort, sum and gather against the standard library, for lengths around every border.
 
-mod support;
+use crate::support;
 
+use lexsplat_gpu::Gpu;
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::gather::Gather;
 use lexsplat_gpu::kernel::Recorder;
@@ -54,27 +55,27 @@ fn a_scan_that_is_too_large_stays_too_large() {
 }
 
 /// Sorts on the device, with room for a few more than there are.
-fn sorted(keys: &[u32], values: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
-    let gpu = support::gpu();
-    let sort = Sort::new(&gpu).expect("compiles");
-    let buffers = sort.buffers(&gpu, keys.len() + 100).expect("fits");
-    buffers.keys[0].write(&gpu, 0, keys);
-    buffers.values[0].write(&gpu, 0, values);
-    let count = Buffer::from_slice(&gpu, "count", &[keys.len() as u32]).expect("fits");
-    let mut recorder = Recorder::new(&gpu).expect("fits");
+fn sorted(gpu: &Gpu, keys: &[u32], values: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
+    let sort = Sort::new(gpu).expect("compiles");
+    let buffers = sort.buffers(gpu, keys.len() + 100).expect("fits");
+    buffers.keys[0].write(gpu, 0, keys);
+    buffers.values[0].write(gpu, 0, values);
+    let count = Buffer::from_slice(gpu, "count", &[keys.len() as u32]).expect("fits");
+    let mut recorder = Recorder::new(gpu).expect("fits");
     sort.sort(&mut recorder, &buffers, &count, bits);
     recorder.submit();
-    let read = |buffer: &Buffer<u32>| buffer.read(&gpu, keys.len()).expect("reads");
+    let read = |buffer: &Buffer<u32>| buffer.read(gpu, keys.len()).expect("reads");
     (read(&buffers.keys[0]), read(&buffers.values[0]))
 }
 
 #[test]
 fn sort_is_stable_for_any_length_and_width() {
+    let gpu = support::gpu();
     for len in LENGTHS {
         let values: Vec<u32> = (0..len as u32).collect();
         for (bits, below) in [(32, u32::MAX), (9, 300), (1, 2), (4, 1)] {
             let keys = numbers(len, below);
-            let found = sorted(&keys, &values, bits);
+            let found = sorted(&gpu, &keys, &values, bits);
             let wanted = sort::oracle::sort(&keys, &values, bits);
             assert_eq!(found, wanted, "length {len}, {bits} bits");
         }
@@ -83,9 +84,10 @@ fn sort_is_stable_for_any_length_and_width() {
 
 #[test]
 fn an_unstable_order_is_noticed() {
+    let gpu = support::gpu();
     let keys = vec![5; 200];
     let values: Vec<u32> = (0..200).collect();
-    let (_, mut found) = sorted(&keys, &values, 8);
+    let (_, mut found) = sorted(&gpu, &keys, &values, 8);
     assert_eq!(found, values);
     found.swap(3, 4);
     assert_ne!(found, sort::oracle::sort(&keys, &values, 8).1);
@@ -129,4 +131,22 @@ fn gather_picks_whole_elements() {
     recorder.submit();
     let found = buffers.2.read(&gpu, 5).expect("reads");
     assert_eq!(found, [from[99], from[0], from[7], from[7], [0; 3]]);
+}
+
+#[test]
+fn a_recording_of_any_length_keeps_its_order() {
+    let gpu = support::gpu();
+    let gather = Gather::new(&gpu).expect("compiles");
+    let index: Vec<u32> = (0..10).map(|i| (i + 1) % 10).collect();
+    let values: Vec<u32> = (0..10).collect();
+    let index = Buffer::from_slice(&gpu, "index", &index).expect("fits");
+    let sides = [(); 2].map(|()| Buffer::from_slice(&gpu, "side", &values).expect("fits"));
+    let mut recorder = Recorder::new(&gpu).expect("fits");
+    for step in 0..603 {
+        let (from, to) = (&sides[step % 2], &sides[1 - step % 2]);
+        gather.gather(&mut recorder, &index, (from, to), 1);
+    }
+    recorder.submit();
+    let found = sides[1].read(&gpu, 10).expect("reads");
+    assert_eq!(found, (0..10).map(|i| (i + 603) % 10).collect::<Vec<u32>>());
 }

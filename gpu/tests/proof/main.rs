@@ -1,0 +1,12 @@
+//! Everything that is claimed of this package: kernels against oracles, gradients against differences,
+//! and what must hold for any map. All but `shaders` and `oracle` need a Vulkan adapter and fail
+//! without one.
+
+mod backward;
+mod forward;
+mod oracle;
+mod primitives;
+mod shaders;
+mod speed;
+mod support;
+mod training;
