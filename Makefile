@@ -23,7 +23,7 @@ test: ## Format, lints, licences, borders and every test
 	  else echo 'cargo-deny is not installed: licences, bans and sources are not checked'; fi
 	cargo test --workspace
 
-bench: deps ## Benchmarks of the kernels
-	cargo bench -p lexsplat-gpu
+bench: deps ## Times of the kernels on this machine
+	cargo test --release -p lexsplat-gpu speed -- --ignored --nocapture
 
 .PHONY: help deps demo test bench

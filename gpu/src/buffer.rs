@@ -1,4 +1,5 @@
-//! Typed buffers: a [`Buffer<T>`] is `len` values of `T` in device memory that kernels read and write.
+//! Typed buffers: a [`Buffer<T>`] is `len` values of `T` in device memory that kernels read and
+//! write.
 //!
 //! Allocation is checked (limits, error scope); nothing here dispatches.
 
@@ -26,8 +27,8 @@ impl<T> Deref for Buffer<T> {
 }
 
 impl<T: Pod> Buffer<T> {
-    /// Allocates `len` zeros; a buffer of length zero still holds one value, since a binding may not
-    /// be empty.
+    /// Allocates `len` zeros; a buffer of length zero still holds one value, since a binding may
+    /// not be empty.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`] when the adapter's limits or its memory do not allow it.
@@ -47,8 +48,7 @@ impl<T: Pod> Buffer<T> {
                 | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         };
-        gpu.check()?;
-        let raw = gpu.scoped(|device| device.create_buffer(&descriptor)).map_err(refuse)?;
+        let raw = gpu.scoped(|device| device.create_buffer(&descriptor), refuse)?;
         Ok(Self { raw, len, kind: PhantomData })
     }
 
@@ -97,10 +97,9 @@ pub fn largest_binding(gpu: &Gpu) -> u64 {
     gpu.limits().max_storage_buffer_binding_size.min(gpu.limits().max_buffer_size)
 }
 
-/// Waits for the device and reads the first bytes of several buffers, one after the other. Sizes are
-/// multiples of four.
+/// Waits for the device and reads the first bytes of several buffers, one after the other. Sizes
+/// are multiples of four.
 pub(crate) fn read_bytes(gpu: &Gpu, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
-    gpu.check()?;
     let total: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
     if total == 0 {
         gpu.wait()?;
@@ -112,9 +111,10 @@ pub(crate) fn read_bytes(gpu: &Gpu, parts: &[(&wgpu::Buffer, u64)]) -> Result<Ve
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     };
-    let staging = gpu.scoped(|device| device.create_buffer(&descriptor)).map_err(|reason| {
-        GpuError::OutOfMemory { label: "read back".to_owned(), bytes: total, reason }
-    })?;
+    let staging = gpu.scoped(
+        |device| device.create_buffer(&descriptor),
+        |reason| GpuError::OutOfMemory { label: "read back".to_owned(), bytes: total, reason },
+    )?;
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     let mut offset = 0;
     for (buffer, bytes) in parts.iter().filter(|(_, bytes)| *bytes > 0) {

@@ -63,7 +63,7 @@ impl Camera {
         [self.width.div_ceil(TILE), self.height.div_ceil(TILE)]
     }
 
-    /// Largest |x/z| and |y/z| at which the Jacobian is taken (facts 5.1).
+    /// Largest |x/z| and |y/z| at which the Jacobian is taken.
     pub fn jacobian_limit(&self) -> [f32; 2] {
         [
             VIEW_MARGIN * 0.5 * self.width as f32 / self.fx,

@@ -1,4 +1,5 @@
-//! The adapter, its device and its queue. Vulkan only; Mesa's llvmpipe is an adapter like any other.
+//! The adapter, its device and its queue. Vulkan only; Mesa's llvmpipe is an adapter like any
+//! other.
 //!
 //! Everything that can fail on the device ends as a [`GpuError`], never as a panic: allocations run
 //! in error scopes, and what the driver reports late is kept until the next wait.
@@ -81,18 +82,23 @@ impl Gpu {
         &self.inner.limits
     }
 
-    /// Runs `make` and returns what it made, or the first error that the device reports about it.
-    pub(crate) fn scoped<T>(&self, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, String> {
+    /// Runs `make` and returns what it made, or the first error that the device reports about it:
+    /// the device's loss, else the driver's words through `refuse`.
+    pub(crate) fn scoped<T>(
+        &self,
+        make: impl FnOnce(&wgpu::Device) -> T,
+        refuse: impl FnOnce(String) -> GpuError,
+    ) -> Result<T, GpuError> {
         let device = self.device();
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = make(device);
         let refused = pollster::block_on(validation.pop());
         let exhausted = pollster::block_on(memory.pop());
-        match refused.or(exhausted) {
-            None => Ok(made),
-            Some(error) => Err(error.to_string()),
-        }
+        // A lost device makes dead objects without a word; polling is what brings the news.
+        let _ = device.poll(wgpu::PollType::Poll);
+        self.check()?;
+        refused.or(exhausted).map_or(Ok(made), |error| Err(refuse(error.to_string())))
     }
 
     /// Waits until the device has done all that was submitted.
@@ -132,11 +138,15 @@ fn rank(kind: wgpu::DeviceType) -> u32 {
     }
 }
 
-/// Keeps the first fault that the driver reports outside of an error scope.
+/// Keeps the first fault that the driver reports outside of an error scope; the loss of the device
+/// outdoes all others.
 fn watch(device: &wgpu::Device) -> Arc<Mutex<Option<Fault>>> {
     let fault = Arc::new(Mutex::new(None));
     let keep = |slot: &Mutex<Option<Fault>>, found: Fault| {
-        slot.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(found);
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        if slot.is_none() || matches!(found, Fault::Lost(_)) {
+            *slot = Some(found);
+        }
     };
     let slot = fault.clone();
     device.set_device_lost_callback(move |reason, message| {

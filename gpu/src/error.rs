@@ -1,12 +1,13 @@
-//! The one error type of this package. It names what was asked, what was expected and what was found.
+//! The one error type of this package. It names what was asked, what was expected and what was
+//! found.
 
 /// What can go wrong between the host and the device.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// No adapter, or none whose name contains what was asked for.
     #[error(
-        "no vulkan adapter {wanted}found: have [{found}]; install a driver, or Mesa's llvmpipe to run \
-         on the processor (Debian: mesa-vulkan-drivers)"
+        "no vulkan adapter {wanted}found: have [{found}]; install a driver, or Mesa's llvmpipe to \
+         run on the processor (Debian: mesa-vulkan-drivers)"
     )]
     NoAdapter {
         /// The requested name, quoted, or nothing.

@@ -222,8 +222,8 @@ impl Gaussians {
     /// Appends Gaussians; the optimiser starts afresh for them and goes on for the others.
     ///
     /// # Errors
-    /// [`GpuError::ShapeMismatch`] when lengths disagree, [`GpuError::OutOfMemory`]; the map is then
-    /// as it was.
+    /// [`GpuError::ShapeMismatch`] when lengths disagree, [`GpuError::OutOfMemory`]; the map is
+    /// then as it was.
     pub fn append(&mut self, more: &HostGaussians) -> Result<(), GpuError> {
         more.check(self.channels)?;
         if more.is_empty() {
@@ -243,8 +243,8 @@ impl Gaussians {
     /// Keeps the Gaussians whose flag is set, in order, with their moments.
     ///
     /// # Errors
-    /// [`GpuError::ShapeMismatch`] unless there is one flag per Gaussian, [`GpuError::OutOfMemory`];
-    /// the map is then as it was.
+    /// [`GpuError::ShapeMismatch`] unless there is one flag per Gaussian,
+    /// [`GpuError::OutOfMemory`]; the map is then as it was.
     pub fn retain(&mut self, keep: &[bool]) -> Result<(), GpuError> {
         expect_len("keep", self.len, keep.len())?;
         let index: Vec<u32> =

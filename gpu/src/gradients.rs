@@ -1,5 +1,5 @@
-//! Gradients of any function of a picture, read back: how the backward pass is proven, and a tool for
-//! whoever has a loss of their own. Training does not come by here.
+//! Gradients of any function of a picture, read back: how the backward pass is proven, and a tool
+//! for whoever has a loss of their own. Training does not come by here.
 
 use crate::camera::Camera;
 use crate::error::{GpuError, expect_len};

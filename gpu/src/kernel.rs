@@ -1,7 +1,7 @@
 //! Pipelines, bindings and dispatches. The only file that knows WebGPU's grid limit.
 //!
-//! A kernel binds one uniform struct (binding 0) and storage buffers (bindings 1, 2, ...) in the order
-//! of its launcher's arguments. A [`Recorder`] collects dispatches and submits them together.
+//! A kernel binds one uniform struct (binding 0) and storage buffers (bindings 1, 2, ...) in the
+//! order of its launcher's arguments. A [`Recorder`] collects dispatches and submits them together.
 
 use bytemuck::Pod;
 
@@ -27,8 +27,8 @@ impl Kernel {
     /// Compiles a shader.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] when the adapter binds too few buffers or has too little workgroup memory,
-    /// [`GpuError::Kernel`] when the compiler refuses.
+    /// [`GpuError::Limit`] when the adapter binds too few buffers or has too little workgroup
+    /// memory, [`GpuError::Kernel`] when the compiler refuses.
     pub fn new(gpu: &Gpu, shader: &Shader) -> Result<Self, GpuError> {
         let found = gpu.limits().max_storage_buffers_per_shader_stage.into();
         let needed = shader.bindings.len() as u64;
@@ -36,8 +36,10 @@ impl Kernel {
             let limit = "max_storage_buffers_per_shader_stage";
             return Err(GpuError::Limit { limit, found, needed });
         }
-        gpu.scoped(|device| Self::compile(device, shader))
-            .map_err(|reason| GpuError::Kernel { kernel: shader.label, reason })
+        gpu.scoped(
+            |device| Self::compile(device, shader),
+            |reason| GpuError::Kernel { kernel: shader.label, reason },
+        )
     }
 
     fn compile(device: &wgpu::Device, shader: &Shader) -> Self {
@@ -101,7 +103,6 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// [`GpuError::OutOfMemory`] when not even the uniforms fit.
     pub fn new(gpu: &'a Gpu) -> Result<Self, GpuError> {
-        gpu.check()?;
         let bytes = UNIFORM_SLOTS * UNIFORM_BYTES;
         let descriptor = wgpu::BufferDescriptor {
             label: Some("uniforms"),
@@ -109,10 +110,10 @@ impl<'a> Recorder<'a> {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         };
-        let uniforms =
-            gpu.scoped(|device| device.create_buffer(&descriptor)).map_err(|reason| {
-                GpuError::OutOfMemory { label: "uniforms".to_owned(), bytes, reason }
-            })?;
+        let uniforms = gpu.scoped(
+            |device| device.create_buffer(&descriptor),
+            |reason| GpuError::OutOfMemory { label: "uniforms".to_owned(), bytes, reason },
+        )?;
         let encoder = gpu.device().create_command_encoder(&Default::default());
         Ok(Self { gpu, encoder, pass: None, uniforms, arguments: Vec::new() })
     }
@@ -204,8 +205,8 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// Splits `groups` workgroups over two axes; the kernel's `linear_group` undoes it and may see up to
-/// one row too many.
+/// Splits `groups` workgroups over two axes; the kernel's `linear_group` undoes it and may see up
+/// to one row too many.
 fn grid(groups: u32) -> (u32, u32) {
     let rows = groups.div_ceil(GROUPS_PER_AXIS);
     (groups.div_ceil(rows), rows)

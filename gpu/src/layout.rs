@@ -1,9 +1,9 @@
 //! Every constant and struct that both Rust and WGSL see. The WGSL header is made from this file; a
 //! test without a device compares size, offsets and names through naga.
 //!
-//! Arrays of parameters are plain `vec4<f32>` rows: a mean is one row (x, y, z, 0), a head's geometry
-//! two rows (rotation w x y z; log scale x y z, opacity logit), a feature `channels / 4` rows rounded
-//! up and filled with zeros.
+//! Arrays of parameters are plain `vec4<f32>` rows: a mean is one row (x, y, z, 0), a head's
+//! geometry two rows (rotation w x y z; log scale x y z, opacity logit), a feature `channels / 4`
+//! rows rounded up and filled with zeros.
 
 use std::fmt::Write as _;
 
@@ -15,7 +15,13 @@ macro_rules! constants {
         $($(#[$doc])* pub const $name: $kind = $value;)*
 
         fn write_constants(text: &mut String) {
-            $(let _ = writeln!(text, "const {}: {} = {:?};", stringify!($name), stringify!($kind), $name);)*
+            $(let _ = writeln!(
+                text,
+                "const {}: {} = {:?};",
+                stringify!($name),
+                stringify!($kind),
+                $name,
+            );)*
         }
     };
 }
@@ -81,7 +87,7 @@ constants! {
     NEAR: f32 = 0.1;
     /// Gaussians farther than this, in metres, are not drawn.
     FAR: f32 = 1e6;
-    /// Added to the diagonal of the projected covariance, in square pixels (facts 5.1).
+    /// Added to the diagonal of the projected covariance, in square pixels (Kerbl et al. 2023).
     DILATION: f32 = 0.3;
     /// A blend never gets more opaque than this.
     MAX_ALPHA: f32 = 0.99;
@@ -97,7 +103,7 @@ constants! {
     BETA_FIRST: f32 = 0.9;
     /// Decay of the optimiser's second moment.
     BETA_SECOND: f32 = 0.999;
-    /// Keeps the optimiser's division finite (facts 4.7).
+    /// Keeps the optimiser's division finite.
     EPSILON: f32 = 1e-15;
     /// Gradients from here on are not followed: their squares would not be finite.
     MAX_GRADIENT: f32 = 1e15;

@@ -69,8 +69,8 @@ impl Head {
         blend::forward(&splats, &features, self.picture_channels(), view.size)
     }
 
-    /// dL/dparameters from dL/dpicture (height x width x picture channels). For language the gradient
-    /// of the mean is computed as well, though training does not use it.
+    /// dL/dparameters from dL/dpicture (height x width x picture channels). For language the
+    /// gradient of the mean is computed as well, though training does not use it.
     pub fn gradients(&self, view: &View, d_image: &[f64]) -> Head {
         let (splats, features) = self.project(view);
         let channels = self.picture_channels();
@@ -97,8 +97,8 @@ impl Head {
         gradient
     }
 
-    /// All parameters in a row, Gaussian by Gaussian: mean 3, rotation 4, log scale 3, opacity logit 1,
-    /// feature.
+    /// All parameters in a row, Gaussian by Gaussian: mean 3, rotation 4, log scale 3, opacity
+    /// logit 1, feature.
     pub fn flatten(&self) -> Vec<f64> {
         let mut flat = Vec::new();
         for (shape, feature) in self.shapes.iter().zip(self.features.chunks(self.channels)) {

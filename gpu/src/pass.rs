@@ -68,7 +68,8 @@ impl Lister {
 }
 
 impl Pass {
-    /// Compiles a head's kernels for features of `rows` rows; lists hold `hit_capacity` hits at first.
+    /// Compiles a head's kernels for features of `rows` rows; lists hold `hit_capacity` hits at
+    /// first.
     ///
     /// # Errors
     /// As [`crate::kernel::Kernel::new`].
@@ -93,8 +94,8 @@ impl Pass {
     /// Makes room for a map and a view.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`]; the lists then start small again, so that one view that asks for too
-    /// much does not stop the others.
+    /// [`GpuError::OutOfMemory`]; the lists then start small again, so that one view that asks for
+    /// too much does not stop the others.
     pub fn reserve(
         &mut self,
         gpu: &Gpu,
@@ -168,8 +169,8 @@ impl Pass {
         self.last = Some(arguments);
     }
 
-    /// Records the backward pass: dL/dimage to dL/dparameters. Needs the forward pass of the same head
-    /// and [`Pass::reserve`] with `training`.
+    /// Records the backward pass: dL/dimage to dL/dparameters. Needs the forward pass of the same
+    /// head and [`Pass::reserve`] with `training`.
     pub fn backward(&self, recorder: &mut Recorder<'_>, means: &Parameters, head: &Head) {
         let scratch = self.scratch.as_ref().expect("reserved by the caller");
         let training = self.training.as_ref().expect("reserved by the caller");

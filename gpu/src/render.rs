@@ -1,8 +1,9 @@
 //! The whole pass: render colour, depth and language, and one training step.
 //!
-//! A step is forward, loss, backward and Adam in one submission; afterwards a status of a few bytes is
-//! read: hit counts and losses. If a list overflowed, the device has changed nothing, the lists grow,
-//! and the pass is repeated: there is never a picture or a step from a list that was cut short.
+//! A step is forward, loss, backward and Adam in one submission; afterwards a status of a few bytes
+//! is read: hit counts and losses. If a list overflowed, the device has changed nothing, the lists
+//! grow, and the pass is repeated: there is never a picture or a step from a list that was cut
+//! short.
 
 use crate::adam::{Adam, LearningRates, Seen};
 use crate::buffer::{Buffer, read_bytes};
@@ -169,8 +170,8 @@ impl Renderer {
     /// is left as it is.
     ///
     /// # Errors
-    /// [`GpuError::ShapeMismatch`] when cameras, targets and map disagree, [`GpuError::BadValue`] for a
-    /// camera that cannot be used, [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    /// [`GpuError::ShapeMismatch`] when cameras, targets and map disagree, [`GpuError::BadValue`]
+    /// for a camera that cannot be used, [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn step(
         &mut self,
         gaussians: &mut Gaussians,

@@ -50,7 +50,8 @@ impl ColourTarget {
         Self::masked(gpu, (width, height), rgb8, depth_metres, |_| true)
     }
 
-    /// As [`ColourTarget::new`], with colour only where `valid(pixel)`; pixels are counted row by row.
+    /// As [`ColourTarget::new`], with colour only where `valid(pixel)`; pixels are counted row by
+    /// row.
     ///
     /// # Errors
     /// As [`ColourTarget::new`].

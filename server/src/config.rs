@@ -15,6 +15,8 @@ use figment::providers::{Env, Format, Toml};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+/// The environment as a source of settings.
+const ENVIRONMENT: &str = "environment";
 /// What the names of environment variables with settings begin with.
 const ENVIRONMENT_PREFIX: &str = "LEXSPLAT__";
 /// Between section and key in the name of an environment variable.
@@ -226,7 +228,7 @@ impl Config {
         }
         let environment =
             Figment::from(Env::prefixed(ENVIRONMENT_PREFIX).split(ENVIRONMENT_SEPARATOR));
-        examine(&environment, &format!("environment variable {ENVIRONMENT_PREFIX}…"))?;
+        examine(&environment, ENVIRONMENT).map_err(naming_the_variable)?;
         all.merge(environment).extract().map_err(|error| explain(&error, "settings"))
     }
 
@@ -287,13 +289,25 @@ fn examine(provider: &Figment, source_name: &str) -> Result<(), ConfigError> {
     }
 }
 
+/// The key's own variable instead of the environment as a whole.
+fn naming_the_variable(error: ConfigError) -> ConfigError {
+    match error {
+        ConfigError::UnknownKey { key, nearest, .. } => {
+            let variable = key.to_uppercase().replace('.', ENVIRONMENT_SEPARATOR);
+            let source_name = format!("environment variable {ENVIRONMENT_PREFIX}{variable}");
+            ConfigError::UnknownKey { source_name, key, nearest }
+        }
+        other => other,
+    }
+}
+
 fn explain(error: &figment::Error, source_name: &str) -> ConfigError {
     let source_name = source_name.to_owned();
-    let section = error.path.join(".");
     let Kind::UnknownField(field, known) = &error.kind else {
-        let reason = match section.is_empty() {
+        let key = error.path.join(".");
+        let reason = match key.is_empty() {
             true => error.kind.to_string(),
-            false => format!("{section}: {}", error.kind),
+            false => format!("{key}: {}", error.kind),
         };
         return ConfigError::Invalid { source_name, reason: one_line(&reason) };
     };
@@ -302,11 +316,9 @@ fn explain(error: &figment::Error, source_name: &str) -> ConfigError {
         .max_by(|a, b| strsim::jaro_winkler(a, field).total_cmp(&strsim::jaro_winkler(b, field)))
         .copied()
         .unwrap_or_default();
-    let in_section = |key: &str| match section.is_empty() {
-        true => key.to_owned(),
-        // The path may or may not end in the unknown key itself.
-        false => format!("{}.{key}", section.trim_end_matches(&format!(".{field}"))),
-    };
+    // The path ends in the unknown key itself.
+    let section = error.path.strip_suffix(std::slice::from_ref(field)).unwrap_or(&error.path);
+    let in_section = |key: &str| [section, &[key.to_owned()]].concat().join(".");
     ConfigError::UnknownKey { source_name, key: in_section(field), nearest: in_section(nearest) }
 }
 
@@ -381,6 +393,8 @@ mod tests {
         );
         let error = parse("[sever]\ngrpc = \"x\"").unwrap_err().to_string();
         assert!(error.contains("\"sever\"") && error.contains("\"server\""), "{error}");
+        let error = parse("[mapper.loss]\ncolour = 1.0").unwrap_err().to_string();
+        assert!(error.contains("\"mapper.loss.color\""), "{error}");
         parse("[ingest]\nmax_pixels = 3").unwrap();
     }
 

@@ -11,6 +11,8 @@ pub mod ingest;
 pub mod pipeline;
 pub mod store;
 pub mod telemetry;
+#[cfg(test)]
+mod test_support;
 pub mod web;
 
 pub use config::Config;

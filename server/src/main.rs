@@ -105,7 +105,9 @@ async fn run(config: Config) -> anyhow::Result<()> {
 
 async fn bind(key: &str, address: &str) -> anyhow::Result<TcpListener> {
     TcpListener::bind(address).await.with_context(|| {
-        format!("cannot listen on {address} ({key}): choose another address, or port 0 for a free one")
+        format!(
+            "cannot listen on {address} ({key}): choose another address, or port 0 for a free one"
+        )
     })
 }
 

@@ -6,6 +6,7 @@
 
 use crate::config::TelemetryConfig;
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
+use std::io::IsTerminal as _;
 use std::sync::OnceLock;
 use tracing_subscriber::EnvFilter;
 
@@ -56,7 +57,9 @@ pub fn start_logs(config: &TelemetryConfig) -> Result<(), TelemetryError> {
     use tracing_subscriber::util::SubscriberInitExt as _;
     let filter = EnvFilter::try_new(&config.filter)
         .map_err(|reason| TelemetryError::Filter { filter: config.filter.clone(), reason })?;
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let lines = tracing_subscriber::fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
     let registry = tracing_subscriber::registry().with(filter);
     match config.json {
         true => registry.with(lines.json()).try_init()?,

@@ -1,9 +1,13 @@
-//! Adam, fused over parameter and both moments (facts 4.7), only for Gaussians that a pixel saw.
+//! Adam, fused over parameter and both moments, only for Gaussians that a pixel saw.
 //!
-//! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `x -= rate m/(1 - b1^t) / (sqrt(v/(1 - b2^t)) + eps)`
-//! with t counted per Gaussian and head. A Gaussian that was not seen keeps value and moments. A
-//! gradient that is not finite changes nothing. When a list of the step overflowed nothing changes at
-//! all, so that the step can be repeated.
+//! ```text
+//! m = b1 m + (1 - b1) g,  v = b2 v + (1 - b2) g^2
+//! x -= rate m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + eps)
+//! ```
+//!
+//! t is counted per Gaussian and head. A Gaussian that was not seen keeps value and moments. A
+//! gradient that is not finite changes nothing. When a list of the step overflowed
+//! nothing changes at all, so that the step can be repeated.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
@@ -40,7 +44,8 @@ pub struct LearningRates {
 }
 
 impl Default for LearningRates {
-    /// The paper's (facts 4.7); rgb takes the rate of the DC coefficient times its factor 0.28209.
+    /// Those of the paper's released configuration; rgb takes the rate of the DC coefficient times
+    /// its factor 0.28209.
     fn default() -> Self {
         Self {
             mean: 1.6e-4 * 6.0,

@@ -1,12 +1,14 @@
-// Back to front over a tile's list (facts 5.4). With g = dL/dimage, w = alpha T and B the light from
-// behind a Gaussian: dL/dfeature = sum w g; dL/dalpha = T (feature - B) . g, where the scalar B . g is
-// all that a pixel must carry. dL/dpower = alpha dL/dalpha, both 0 where alpha is skipped or clamped.
+// Back to front over a tile's list (Kerbl et al. 2023, appendix A). With g = dL/dimage, w = alpha T
+// and B the light from behind a Gaussian: dL/dfeature = sum w g; dL/dalpha = T (feature - B) . g,
+// where the scalar B . g is all that a pixel must carry. dL/dpower = alpha dL/dalpha, both 0 where
+// alpha is skipped or clamped.
 //
-// Threads work on a batch of hits, each for its own pixels, and leave their sums in workgroup memory;
-// then they add these up, in a fixed order, into one record per hit slot:
-//   row 0: sum p dx, sum p dy, sum gauss dL/dalpha, sum w        (p = dL/dpower, d = centre - pixel)
-//   row 1: sum p dx^2, sum p dx dy, sum p dy^2, 0
-//   row 2...: dL/dfeature
+// Threads work on a batch of hits, each for its own pixels, and leave their sums in workgroup
+// memory; then they add these up, in a fixed order, into one record per hit slot. With
+// p = dL/dpower and d = centre - pixel the rows of a record are
+//   0: sum p dx, sum p dy, sum gauss dL/dalpha, sum w
+//   1: sum p dx^2, sum p dx dy, sum p dy^2, 0
+//   2 and on: dL/dfeature
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;

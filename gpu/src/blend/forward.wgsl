@@ -1,4 +1,5 @@
-// Front to back over a tile's list: w = alpha T, image += w feature, T *= 1 - alpha (facts 5.1).
+// Front to back over a tile's list: w = alpha T, image += w feature, T *= 1 - alpha (Kerbl et al.
+// 2023, appendix C).
 // A Gaussian is skipped where alpha < MIN_ALPHA; a pixel is full before T would fall below
 // MIN_TRANSMITTANCE. With DEPTH the fourth channel is z.
 

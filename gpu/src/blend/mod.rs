@@ -1,8 +1,10 @@
-//! Blending a tile's list into pixels, and back: image = sum of alpha T feature (facts 5.1, 5.4).
+//! Blending a tile's list into pixels, and back: image = sum of alpha T feature (Kerbl et al. 2023,
+//! section 6 and appendix C).
 //!
-//! One kernel for both heads; rows of the feature (1 for rgb and depth, `channels / 4` for language)
-//! reach WGSL as a constant. A workgroup is a tile of 16x16 pixels, a thread owns eight pixels. The
-//! backward pass leaves one record per hit in the hit's own slot: no atomics, the same bits each time.
+//! One kernel for both heads; rows of the feature (1 for rgb and depth, `channels / 4` for
+//! language) reach WGSL as a constant. A workgroup is a tile of 16x16 pixels, a thread owns eight
+//! pixels. The backward pass leaves one record per hit in the hit's own slot: no atomics, the same
+//! bits each time.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
@@ -140,7 +142,8 @@ impl Blend {
         recorder.dispatch(&self.weights, lists.arguments, &buffers, lists.tiles());
     }
 
-    /// `features` has `rows` rows per Gaussian. Turns dL/dimage into one record per hit ([`record_rows`] rows, at the hit's slot).
+    /// `features` has `rows` rows per Gaussian. Turns dL/dimage into one record per hit
+    /// ([`record_rows`] rows, at the hit's slot).
     pub fn backward(
         &self,
         recorder: &mut Recorder<'_>,

@@ -1,5 +1,5 @@
-//! Reference, not for production: every pixel walks over every splat, in depth order, in f64. No tiles,
-//! so that the tile test is part of what is compared.
+//! Reference, not for production: every pixel walks over every splat, in depth order, in f64. No
+//! tiles, so that the tile test is part of what is compared.
 
 use nalgebra::{Matrix2, Vector2};
 

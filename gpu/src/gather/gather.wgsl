@@ -1,6 +1,6 @@
 // to[i] = from[index[i]], word by word.
 
-@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // count: words, detail: words per element
+@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // detail: words per element
 @group(0) @binding(1) var<storage, read> index: array<u32>;
 @group(0) @binding(2) var<storage, read> source: array<u32>;
 @group(0) @binding(3) var<storage, read_write> target_: array<u32>;

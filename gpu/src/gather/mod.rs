@@ -1,4 +1,5 @@
-//! Copies chosen elements of an array of words: `out[i] = in[index[i]]`, an element being `width` words.
+//! Copies chosen elements of an array of words: `out[i] = in[index[i]]`, an element being `width`
+//! words.
 //!
 //! This is how Gaussians are dropped without leaving the device.
 

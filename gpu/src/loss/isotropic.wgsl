@@ -1,5 +1,6 @@
-// first |S - mean_axis(S)| of the colour scales, summed over the axes of a Gaussian; the gradient is
-// with respect to log scales and is added to what is there. Scales that are not finite are left out.
+// first |S - mean_axis(S)| of the colour scales, summed over the axes of a Gaussian; the gradient
+// is with respect to log scales and is added to what is there. Scales that are not finite are left
+// out.
 
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> colour: array<vec4<f32>>;

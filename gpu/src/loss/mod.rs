@@ -1,10 +1,11 @@
-//! Losses with their gradients, fused: one thread per pixel or per Gaussian (facts 4.6, 4.8).
+//! Losses with their gradients, fused: one thread per pixel or per Gaussian.
 //!
-//! - colour: `w_c mean|rgb - target|` where colour is valid, plus `w_d mean|D - D_gt|` where depth was
-//!   measured. D is the blended depth, not divided by opacity, as in the paper: where the map is thin
-//!   the gradient asks for more opacity as well as for another depth.
+//! - colour: `w_c mean|rgb - target|` where colour is valid, plus `w_d mean|D - D_gt|` where depth
+//!   was measured. D is the blended depth, not divided by opacity, as in the paper: where the map
+//!   is thin the gradient asks for more opacity as well as for another depth.
 //! - language: `w_l mean|codes - target|` over all pixels and channels.
-//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|` over all Gaussians, axes.
+//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|` over all Gaussians,
+//!   axes.
 //!
 //! Every mean is over its own valid values. The gradient of |x| at 0 is 0.
 
@@ -34,7 +35,7 @@ pub struct LossWeights {
 }
 
 impl Default for LossWeights {
-    /// The paper's (facts 4.1, 4.6, 4.8).
+    /// Those of the paper's released configuration.
     fn default() -> Self {
         Self { colour: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, tie: 10.0 }
     }

@@ -29,8 +29,8 @@ pub fn isotropic(weight: f64, log_scales: &[[f64; 3]]) -> (f64, Vec<[f64; 3]>) {
     (loss, gradient)
 }
 
-/// `weight * mean|S_f - sg(S_c)|` over all axes of all Gaussians, and its gradient with respect to the
-/// language head's log scales.
+/// `weight * mean|S_f - sg(S_c)|` over all axes of all Gaussians, and its gradient with respect to
+/// the language head's log scales.
 pub fn tie(weight: f64, colour: &[[f64; 3]], language: &[[f64; 3]]) -> (f64, Vec<[f64; 3]>) {
     let share = weight / (3.0 * colour.len() as f64);
     let mut loss = 0.0;

@@ -1,5 +1,6 @@
-// first |S_f - S_c|, S_c held fixed, summed over the axes of a Gaussian; the gradient is with respect
-// to the language head's log scales and is added to what is there. Scales that are not finite are left out.
+// first |S_f - S_c|, S_c held fixed, summed over the axes of a Gaussian; the gradient is with
+// respect to the language head's log scales and is added to what is there. Scales that are not
+// finite are left out.
 
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> colour: array<vec4<f32>>;

@@ -1,4 +1,5 @@
-// From the summed records of a Gaussian to its parameters (facts 5.4). With conic K, Sigma = K^-1:
+// From the summed records of a Gaussian to its parameters (Kerbl et al. 2023,
+// appendix A). With conic K, Sigma = K^-1:
 //   dL/dmean2 = -(A sx + B sy, B sx + C sy), dL/dK = -(sxx, sxy, syy) / 2 as a symmetric matrix,
 //   dL/dSigma = -K dL/dK K, and Sigma = X X^T with X = J W R S gives the rest by the chain rule.
 // Language (not COLOUR) leaves the mean alone.
@@ -27,7 +28,8 @@ fn rotation_gradient(q: vec4<f32>, g: mat3x3<f32>) -> vec4<f32> {
 }
 
 /// dL/dp of the camera point: through the mean in the image, through depth and through J.
-fn point_gradient(p: vec3<f32>, mean: vec2<f32>, depth: f32, jx: vec3<f32>, jy: vec3<f32>) -> vec3<f32> {
+fn point_gradient(p: vec3<f32>, mean: vec2<f32>, depth: f32, jx: vec3<f32>,
+                  jy: vec3<f32>) -> vec3<f32> {
     let f = pass_.focal;
     let z2 = p.z * p.z;
     var g = vec3<f32>(mean * f / p.z, depth - dot(mean * f, p.xy) / z2);

@@ -1,7 +1,7 @@
 // Sums the records of each Gaussian's hits, in slot order (see blend/backward.wgsl for the rows).
 // The colour head's fourth feature is depth: its gradient goes to the free place in row 1.
 
-@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // count: Gaussians, detail: feature rows
+@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // detail: feature rows
 @group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
 @group(0) @binding(2) var<storage, read> slot_from_rank: array<u32>;
 @group(0) @binding(3) var<storage, read> hits: array<u32>;

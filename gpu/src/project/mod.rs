@@ -1,9 +1,10 @@
-//! Projection of Gaussians into one camera (EWA, facts 5.1), and back (facts 5.4).
+//! Projection of Gaussians into one camera (EWA; Kerbl et al. 2023, equation 5), and back (their
+//! appendix A).
 //!
-//! Forward: mean, rotation, scale, opacity to [`Splat`](crate::layout::Splat), depth key and number of
-//! hits. Backward: first the records of a Gaussian's hits are summed in order, then the sums are taken
-//! through conic, covariance, Jacobian and rotation. The colour head moves the mean; the language head
-//! does not (paper, disentangled optimisation).
+//! Forward: mean, rotation, scale, opacity to [`Splat`](crate::layout::Splat), depth key and number
+//! of hits. Backward: first the records of a Gaussian's hits are summed in order, then the sums are
+//! taken through conic, covariance, Jacobian and rotation. The colour head moves the mean; the
+//! language head does not (paper, disentangled optimisation).
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
@@ -24,8 +25,8 @@ pub struct Project {
 
 /// Gradients of one head, laid out as its parameters.
 pub struct HeadGradients {
-    /// Sums of the records: two rows per Gaussian; the last value of the first row is the sum of the
-    /// blending weights, zero for a Gaussian that no pixel saw.
+    /// Sums of the records: two rows per Gaussian; the last value of the first row is the sum of
+    /// the blending weights, zero for a Gaussian that no pixel saw.
     pub sums: Buffer<Row>,
     /// Rotation; log scale and opacity logit.
     pub geometry: Buffer<Row>,

@@ -68,7 +68,7 @@ impl View {
         Vector2::new(x.clamp(-self.limit.x, self.limit.x), y.clamp(-self.limit.y, self.limit.y))
     }
 
-    /// Derivative of the pixel with respect to the camera point, EWA (facts 5.1).
+    /// Derivative of the pixel with respect to the camera point (EWA).
     fn jacobian(&self, p: &Vector3<f64>) -> Matrix2x3<f64> {
         let slope = self.slope(p);
         Matrix2x3::new(1.0, 0.0, -slope.x, 0.0, 1.0, -slope.y)
@@ -126,7 +126,8 @@ pub fn forward(view: &View, shape: &Shape) -> Option<Splat> {
     Some(Splat { mean, conic: sigma.try_inverse()?, opacity, depth: p.z })
 }
 
-/// Takes a gradient with respect to the splat (its conic's as a symmetric matrix) to the parameters.
+/// Takes a gradient with respect to the splat (its conic's as a symmetric matrix) to the
+/// parameters.
 pub fn backward(view: &View, shape: &Shape, gradient: &Splat) -> Shape {
     let p = view.rotation * shape.mean + view.translation;
     let norm = shape.rotation.norm();

@@ -52,7 +52,8 @@ impl Reduce {
         })
     }
 
-    /// Writes the sum of the first `len` rows to `results[slot]`; the sum of nothing writes nothing.
+    /// Writes the sum of the first `len` rows to `results[slot]`; the sum of nothing writes
+    /// nothing.
     pub fn sum(
         &self,
         recorder: &mut Recorder<'_>,

@@ -13,8 +13,8 @@ fn distance_below(conic: vec3<f32>, d: vec2<f32>) -> f32 {
     return squares + 2.0 * conic.y * d.x * d.y - 1e-5 * squares;
 }
 
-/// True if alpha may reach MIN_ALPHA at a pixel of the tile: the least Mahalanobis distance over the
-/// tile's square of pixel centres is taken on the edges that face the centre.
+/// True if alpha may reach MIN_ALPHA at a pixel of the tile: the least Mahalanobis distance over
+/// the tile's square of pixel centres is taken on the edges that face the centre.
 fn touches(splat: Splat, tile: vec2<u32>) -> bool {
     let low = vec2<f32>(tile * TILE) - splat.mean;
     let high = low + f32(TILE - 1u);

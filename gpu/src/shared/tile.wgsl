@@ -18,7 +18,7 @@ struct Footprint {
     dy: f32,
     /// exp(-(A dx^2 + C dy^2) / 2 - B dx dy)
     gauss: vec4<f32>,
-    /// min(MAX_ALPHA, opacity gauss), 0 where it is skipped (facts 5.1).
+    /// min(MAX_ALPHA, opacity gauss), 0 where it is skipped.
     alpha: vec4<f32>,
 }
 

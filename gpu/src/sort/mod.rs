@@ -1,8 +1,8 @@
 //! Stable radix sort of `u32` keys with one `u32` of payload, least significant digit first.
 //!
-//! A thread owns a run of [`SORT_RUN`] elements: it counts its digits into a table (digit by run), the
-//! table is scanned, and the thread then places its elements in order. Stable without a barrier. The
-//! number of elements is read on the device and may be below the capacity.
+//! A thread owns a run of [`SORT_RUN`] elements: it counts its digits into a table (digit by run),
+//! the table is scanned, and the thread then places its elements in order. Stable without a
+//! barrier. The number of elements is read on the device and may be below the capacity.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
@@ -21,7 +21,8 @@ pub struct Sort {
     scan: Scan,
 }
 
-/// Keys and payloads of up to `capacity` elements, twice: a pass reads one side and writes the other.
+/// Keys and payloads of up to `capacity` elements, twice: a pass reads one side and writes the
+/// other.
 pub struct SortBuffers {
     /// Keys; input and result are on side 0.
     pub keys: [Buffer<u32>; 2],

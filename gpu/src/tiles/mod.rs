@@ -1,9 +1,10 @@
-//! From splats to lists: every (Gaussian, tile) pair that may matter is a hit; hits are grouped by tile
-//! and stay in depth order inside a tile.
+//! From splats to lists: every (Gaussian, tile) pair that may matter is a hit; hits are grouped by
+//! tile and stay in depth order inside a tile.
 //!
-//! A Gaussian's hits have consecutive slots, in depth order over Gaussians; the sort carries the slot,
-//! so that the backward blend can leave one record per slot and no atomic is needed. When there are
-//! more hits than slots, the rest is dropped and [`HitCount`] says so: the pass must be repeated.
+//! A Gaussian's hits have consecutive slots, in depth order over Gaussians; the sort carries the
+//! slot, so that the backward blend can leave one record per slot and no atomic is needed. When
+//! there are more hits than slots, the rest is dropped and [`HitCount`] says so: the pass must be
+//! repeated.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;

@@ -8,8 +8,8 @@ use lexsplat_gpu::{Camera, Gaussians, Gpu, HeadGradient, HostGaussians, Renderer
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Largest difference per kind of parameter over the largest gradient of that kind; measured worst case
-/// on llvmpipe: 2.8e-6 (log scales, 300 small Gaussians).
+/// Largest difference per kind of parameter over the largest gradient of that kind; measured worst
+/// case on llvmpipe: 2.8e-6 (log scales, 300 small Gaussians).
 const TOLERANCE: f64 = 2e-5;
 
 /// Largest relative error of each kind: mean, rotation, log scale, opacity logit, feature.

@@ -1,5 +1,5 @@
-//! Rendering against the oracle, and what must hold for any map: nothing hidden shows, poison does no
-//! harm, the same twice.
+//! Rendering against the oracle, and what must hold for any map: nothing hidden shows, poison does
+//! no harm, the same twice.
 
 use crate::support;
 
@@ -9,8 +9,8 @@ use lexsplat_gpu::{Camera, Gaussians, Gpu, GpuError, HostGaussians, Renderer};
 use nalgebra::Point3;
 
 /// Largest difference of a channel; measured worst case on llvmpipe: 6.1e-6 (depth, 300 small
-/// Gaussians). A pixel where alpha is within rounding of 1/255 may differ by that much; the seeds have
-/// none.
+/// Gaussians). A pixel where alpha is within rounding of 1/255 may differ by that much; the seeds
+/// have none.
 const TOLERANCE: f64 = 2e-5;
 
 fn map(gpu: &Gpu, scene: &HostGaussians) -> Gaussians {

@@ -1,6 +1,6 @@
-//! Everything that is claimed of this package: kernels against oracles, gradients against differences,
-//! and what must hold for any map. All but `shaders` and `oracle` need a Vulkan adapter and fail
-//! without one.
+//! Everything that is claimed of this package: kernels against oracles, gradients against
+//! differences, and what must hold for any map. All but `shaders` and `oracle` need a Vulkan
+//! adapter and fail without one.
 
 mod backward;
 mod forward;

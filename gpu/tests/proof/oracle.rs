@@ -1,6 +1,6 @@
 //! The oracle's gradients against central differences, in f64, for every parameter of both heads.
-//! Needs no device. The loss is a random linear function of the picture, so that it has no kink; the
-//! seeds keep pixels away from the cut-offs of alpha.
+//! Needs no device. The loss is a random linear function of the picture, so that it has no kink;
+//! the seeds keep pixels away from the cut-offs of alpha.
 
 use crate::support;
 
@@ -10,8 +10,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const STEP: f64 = 1e-6;
-/// Largest |analytic - difference| over 1 + |difference|; measured worst case: 2.9e-8, which is what
-/// rounding leaves of a difference over 2 STEP.
+/// Largest |analytic - difference| over 1 + |difference|; measured worst case: 2.9e-8, which is
+/// what rounding leaves of a difference over 2 STEP.
 const TOLERANCE: f64 = 2e-7;
 
 fn head(colour: bool, seed: u64) -> Head {
@@ -97,8 +97,8 @@ fn beyond_the_view_margin_the_jacobian_is_held_and_the_gradient_knows_it() {
     assert!(error < TOLERANCE, "{error:.1e} at {place}");
 }
 
-/// The fault of the paper's released rasterisers (one pixel per tile feeds the code gradient) must not
-/// pass for a gradient.
+/// The fault of the paper's released rasterisers (one pixel per tile feeds the code gradient) must
+/// not pass for a gradient.
 #[test]
 fn a_code_gradient_from_one_pixel_per_tile_is_wrong() {
     let view = View::new(&support::camera(37, 29));

@@ -1,5 +1,5 @@
-//! Every shader is parsed and validated by naga, and every struct of the layout is compared with what
-//! naga makes of the WGSL header. Needs no device.
+//! Every shader is parsed and validated by naga, and every struct of the layout is compared with
+//! what naga makes of the WGSL header. Needs no device.
 
 use lexsplat_gpu::layout::{self, STRUCTS};
 use lexsplat_gpu::shader::{Access, catalogue};

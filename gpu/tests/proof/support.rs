@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// The adapter that the tests run on; a machine without one must not look tested.
 pub fn gpu() -> Gpu {
-    Gpu::new(None).expect("these tests need a vulkan adapter")
+    Gpu::new(None).unwrap_or_else(|error| panic!("these tests need a vulkan adapter: {error}"))
 }
 
 /// A camera a little off the origin that looks along +z.

@@ -1,34 +1,19 @@
 //! The routes, without a socket, in front of a real pipeline and a map of one small frame.
 
 use super::*;
-use crate::Config;
-use crate::pipeline::frame::{Frame, Intrinsics};
+use crate::pipeline::frame::Frame;
+use crate::test_support::{CAMERA, engine};
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, Request};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
-use std::path::Path;
-use std::sync::OnceLock;
 use std::time::Instant;
 use tower::Service as _;
 
-const CAMERA: Intrinsics =
-    Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
 /// The sequence of the one frame.
 const FRAME: u64 = 7;
 /// How long the mapper may take for it.
 const PATIENCE: Duration = Duration::from_secs(120);
-
-/// One pipeline for all tests of this file.
-fn engine() -> Arc<Engine> {
-    static ENGINE: OnceLock<Arc<Engine>> = OnceLock::new();
-    let start = || {
-        let tiny = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/tiny.toml");
-        let config = Config::load(Some(&tiny)).unwrap();
-        Arc::new(Engine::start(config.pipeline()).unwrap())
-    };
-    ENGINE.get_or_init(start).clone()
-}
 
 struct Server {
     router: Router,

@@ -172,3 +172,6 @@ impl Mapping for MappingService {
         maps::export(self, request.into_inner()).await.map(Response::new)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,10 +2,11 @@
 //!
 //! code = W g, g = direction of Wᵀ code, with W `[code_size, 32]` orthonormal rows. Rendering is a
 //! weighted sum and commutes with W, so a blended code decodes to the blend of what was written; no
-//! keyframe is forgotten, because the moments are sums. Every keyframe weighs the same.
+//! keyframe is forgotten, because the moments are sums. Every keyframe weighs the same. When the
+//! basis moves, it is turned within its span so that codes change as little as they can.
 
 use super::{GENERIC, OnlineStage, normalise_rows};
-use nalgebra::{SMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, SMatrix, SymmetricEigen};
 
 type Moments = SMatrix<f64, GENERIC, GENERIC>;
 
@@ -18,7 +19,7 @@ pub struct Linear {
     keyframes: u64,
     /// Sum over keyframes of the mean g gᵀ.
     moments: Moments,
-    /// `[code_size, 32]`, orthonormal rows, most important first.
+    /// `[code_size, 32]`, orthonormal rows.
     basis: Vec<f32>,
 }
 
@@ -62,7 +63,7 @@ impl OnlineStage for Linear {
         if self.version > 0 && lost <= self.tolerance * self.keyframes as f64 {
             return false;
         }
-        self.basis = best;
+        self.basis = if self.version == 0 { best } else { turned_towards(&self.basis, &best) };
         self.version += 1;
         true
     }
@@ -94,6 +95,16 @@ impl OnlineStage for Linear {
     }
 }
 
+/// The basis that spans what `new` spans and is nearest to `old` (orthogonal Procrustes, Schönemann
+/// 1966): codes change as little as they can, and so does what an optimiser knows of them.
+fn turned_towards(old: &[f32], new: &[f32]) -> Vec<f32> {
+    let rows = |basis: &[f32]| DMatrix::from_row_slice(basis.len() / GENERIC, GENERIC, basis);
+    let (old, new) = (rows(old), rows(new));
+    let svd = (&old * new.transpose()).svd(true, true);
+    let (left, right) = svd.u.zip(svd.v_t).expect("both were asked for");
+    (left * right * new).transpose().as_slice().to_vec()
+}
+
 /// Mean of g gᵀ over the rows that have a direction; `None` if there is none.
 fn mean_outer_product(generic: &[f32]) -> Option<Moments> {
     let mut sum = Moments::zeros();
@@ -122,4 +133,27 @@ fn principal_rows(moments: Moments, count: usize) -> Vec<f32> {
         rows.extend(direction.iter().map(|&value| (value * sign) as f32));
     }
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn basis(angle: f32) -> Vec<f32> {
+        // Two orthonormal rows in the plane of the first two axes, the second one mirrored.
+        let mut rows = vec![0.0; 2 * GENERIC];
+        (rows[0], rows[1]) = (angle.cos(), angle.sin());
+        (rows[GENERIC], rows[GENERIC + 1]) = (angle.sin(), -angle.cos());
+        rows
+    }
+
+    #[test]
+    fn a_basis_of_the_same_span_is_turned_back() {
+        let (old, new) = (basis(0.0), basis(2.0));
+        let furthest =
+            |a: &[f32]| a.iter().zip(&old).map(|(a, b)| (a - b).abs()).fold(0.0_f32, f32::max);
+        assert!(furthest(&turned_towards(&old, &new)) < 1e-5);
+        // Negative control: as it comes it is far away.
+        assert!(furthest(&new) > 1.0);
+    }
 }

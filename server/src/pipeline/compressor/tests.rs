@@ -86,33 +86,55 @@ fn after_a_drive(config: &CompressorConfig, keyframes: &[Vec<f32>]) -> Readable 
 }
 
 #[test]
-fn linear_codes_of_the_first_keyframe_stay_readable() {
-    // Measured: carried 0.957 to 0.973, frozen 0.00 to 0.17, again 0.967 to 0.977.
+fn the_first_keyframe_stays_readable_and_better_than_with_the_released_schedule() {
     for seed in [1, 2, 3] {
-        let readable = after_a_drive(&CompressorConfig::default(), &drive(seed));
-        assert!(readable.carried > 0.9, "{readable:?}");
-        assert!(readable.again >= readable.carried, "{readable:?}");
-        // Negative control: without carrying over they are not readable.
-        assert!(readable.frozen < 0.9, "{readable:?}");
-        // The basis rests once it fits.
-        assert!(readable.versions < KEYFRAMES as u64 / 2, "{readable:?}");
+        let keyframes = drive(seed);
+        // Measured: carried 0.957 to 0.973, again 0.967 to 0.977, 11 to 13 versions.
+        let linear = after_a_drive(&CompressorConfig::default(), &keyframes);
+        assert!(linear.carried > 0.95 && linear.again >= linear.carried, "{linear:?}");
+        // The basis rests once it fits, and what was not carried over is nearly readable.
+        assert!(linear.versions < KEYFRAMES as u64 / 4, "{linear:?}");
+        assert!(linear.frozen > 0.9, "{linear:?}");
+        // Negative control, an auto-encoder with frozen codes as released: 0.864 to 0.890. Carrying
+        // over does not save it (0.15 to 0.33): each of a hundred versions costs a little. What it
+        // encodes again, it reads (0.951 to 0.957). This is why the default is linear.
+        let mlp = CompressorConfig { stage: Stage::Mlp, ..Default::default() };
+        let mlp = after_a_drive(&mlp, &keyframes);
+        assert!(mlp.frozen < 0.9 && mlp.carried < mlp.frozen, "{mlp:?}");
+        assert!(mlp.again > 0.9 && mlp.again < linear.again, "{mlp:?}");
     }
 }
 
 #[test]
-fn the_auto_encoder_keeps_what_it_encodes_again_and_less_of_what_it_carries() {
-    // Measured: carried 0.21, frozen 0.89, again 0.95: each of a hundred versions costs a little.
-    // This is why the default is linear.
-    let keyframes = drive(1);
-    let config = CompressorConfig { stage: Stage::Mlp, ..Default::default() };
-    let mlp = after_a_drive(&config, &keyframes);
-    let linear = after_a_drive(&CompressorConfig::default(), &keyframes);
-    assert!(mlp.again > 0.9 && mlp.frozen < 0.9, "{mlp:?}");
-    assert!(linear.carried > mlp.carried && linear.again > mlp.again, "{mlp:?} {linear:?}");
-    // Negative control: untrained, it does not read even its own codes.
-    let untrained = online(&config);
-    let read = untrained.decode(&untrained.encode(&keyframes[0]));
-    assert!(mean_cosine(&read, &keyframes[0]) < 0.5);
+fn carrying_over_makes_codes_of_another_stage_readable() {
+    let keyframes = drive(8);
+    let learned = |order: &mut dyn Iterator<Item = &Vec<f32>>| {
+        let mut stage = online(&CompressorConfig::default());
+        for keyframe in order {
+            stage.observe(keyframe);
+        }
+        stage
+    };
+    // The same keyframes in another order: the same span, another basis.
+    let old = learned(&mut keyframes.iter());
+    let new = learned(&mut keyframes.iter().rev());
+    let frozen = old.encode(&keyframes[0]);
+    let mut carried = frozen.clone();
+    carry_over(&*old, &*new, &mut carried);
+    let readable = |codes: &[f32]| mean_cosine(&new.decode(codes), &keyframes[0]);
+    assert!(readable(&carried) > 0.95, "{}", readable(&carried));
+    // Negative control.
+    assert!(readable(&frozen) < 0.9, "{}", readable(&frozen));
+}
+
+#[test]
+fn untrained_stages_do_not_read_their_own_codes() {
+    let truth = &drive(9)[0];
+    for stage in [Stage::Linear, Stage::Mlp] {
+        let stage = online(&CompressorConfig { stage, ..Default::default() });
+        let read = mean_cosine(&stage.decode(&stage.encode(truth)), truth);
+        assert!(read < 0.8, "{read}");
+    }
 }
 
 fn both() -> [CompressorConfig; 2] {

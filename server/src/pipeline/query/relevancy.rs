@@ -4,51 +4,52 @@
 //! q the query, all of unit length, and t the bundle's temperature. 0.5: as near to the query as to
 //! the nearest negative.
 
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use rayon::prelude::*;
+
+/// Features that one core compares at a time.
+const BATCH: usize = 1024;
+
 /// Embedded words that features are compared with.
 pub(super) struct Comparison {
-    size: usize,
     temperature: f32,
     /// The query, then the negatives, `[1 + n, D]`.
-    embeddings: Vec<f32>,
+    words: Array2<f32>,
 }
 
 impl Comparison {
     /// `query` and each of `negatives` (at least one) are `[D]`, unit length.
     pub(super) fn new<'a>(
         temperature: f32,
-        query: &[f32],
+        query: &'a [f32],
         negatives: impl IntoIterator<Item = &'a [f32]>,
     ) -> Self {
-        let mut embeddings = query.to_vec();
-        for negative in negatives {
-            assert_eq!(negative.len(), query.len(), "embeddings are of one size");
-            embeddings.extend_from_slice(negative);
+        let mut words = Array2::zeros((0, query.len()));
+        for word in std::iter::once(query).chain(negatives) {
+            words.push_row(ArrayView1::from(word)).expect("embeddings are of one size");
         }
-        assert!(embeddings.len() > query.len(), "at least one negative");
-        Self { size: query.len(), temperature, embeddings }
+        assert!(words.nrows() > 1, "at least one negative");
+        Self { temperature, words }
     }
 
-    /// The relevancy of a feature `[D]`, 0..1.
-    pub(super) fn relevancy(&self, feature: &[f32]) -> f32 {
-        let mut cosines = self.embeddings.chunks_exact(self.size).map(|word| dot(word, feature));
-        let query = cosines.next().expect("the query is first");
-        let nearest = cosines.fold(f32::NEG_INFINITY, f32::max);
-        // The least pair is that with the nearest negative.
-        1.0 / (1.0 + (self.temperature * (nearest - query)).exp())
+    /// Relevancies, 0..1, of features `[n, D]`, unit length.
+    pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
+        let size = self.words.ncols();
+        features
+            .par_chunks(BATCH * size)
+            .flat_map_iter(|batch| {
+                let rows = ArrayView2::from_shape((batch.len() / size, size), batch)
+                    .expect("features are of the words' size");
+                let cosines = rows.dot(&self.words.t());
+                let relevancy = |row: ArrayView1<'_, f32>| {
+                    let nearest = row.iter().skip(1).copied().fold(f32::NEG_INFINITY, f32::max);
+                    // The least pair is that with the nearest negative.
+                    1.0 / (1.0 + (self.temperature * (nearest - row[0])).exp())
+                };
+                cosines.rows().into_iter().map(relevancy).collect::<Vec<_>>()
+            })
+            .collect()
     }
-}
-
-/// Eight running sums, so that the compiler can use wide registers.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0_f32; 8];
-    let (a_chunks, b_chunks) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a_chunks.zip(b_chunks) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
-        }
-    }
-    sums.iter().sum::<f32>() + rest
 }
 
 /// An image of one channel, `[height * width]`, row-major.
@@ -164,20 +165,16 @@ mod tests {
         let feature = [0.8, 0.6, 0.0];
         // f·q = 0.8, f·n = 0.6 and 0.48: by hand 1 / (1 + exp(10 (0.6 - 0.8))).
         let expected = 1.0 / (1.0 + (-2.0_f32).exp());
-        assert!((comparison.relevancy(&feature) - expected).abs() < 1e-6);
+        assert!((comparison.relevancies(&feature)[0] - expected).abs() < 1e-6);
         // Negative control: without the nearer negative it is another number.
-        let other = Comparison::new(10.0, &query, [&second[..]]).relevancy(&feature);
+        let other = Comparison::new(10.0, &query, [&second[..]]).relevancies(&feature)[0];
         assert!((other - 1.0 / (1.0 + (-3.2_f32).exp())).abs() < 1e-6);
         assert!((other - expected).abs() > 0.05);
-        // As near to the query as to a negative.
+        // As near to the query as to a negative; every row has its own.
         let between = [0.5_f32.sqrt(), 0.5_f32.sqrt(), 0.0];
-        assert!((comparison.relevancy(&between) - 0.5).abs() < 1e-6);
-    }
-
-    #[test]
-    fn long_features_are_multiplied_to_the_last_entry() {
-        let a: Vec<f32> = (0..19).map(|i| i as f32).collect();
-        assert_eq!(dot(&a, &a), (0..19).map(|i| (i * i) as f32).sum::<f32>());
+        let both = comparison.relevancies(&[between, feature].concat());
+        assert!((both[0] - 0.5).abs() < 1e-6 && (both[1] - expected).abs() < 1e-6);
+        assert!(comparison.relevancies(&[]).is_empty());
     }
 
     #[test]

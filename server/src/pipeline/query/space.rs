@@ -11,7 +11,6 @@ use crate::pipeline::network::NetworkError;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::HostGaussians;
 use nalgebra::Point3;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Opacity of the language head below which a Gaussian is no place for an object.
@@ -73,17 +72,13 @@ impl SpaceCache {
         decoder: &mut GenericDecoder,
         snapshot: &MapSnapshot,
         comparison: &Comparison,
-        size: usize,
     ) -> Result<Vec<f32>, NetworkError> {
-        let score = |features: &[f32]| -> Vec<f32> {
-            features.par_chunks_exact(size).map(|feature| comparison.relevancy(feature)).collect()
-        };
         if let Some(decoded) = &self.last {
-            return Ok(score(&decoded.features));
+            return Ok(comparison.relevancies(&decoded.features));
         }
         let mut found = Vec::new();
         let generic = snapshot.online.decode(&codes_with_language(snapshot));
-        decoder.decompress(&generic, |batch| found.extend(score(batch)))?;
+        decoder.decompress(&generic, |batch| found.extend(comparison.relevancies(batch)))?;
         Ok(found)
     }
 
@@ -92,11 +87,10 @@ impl SpaceCache {
         &self,
         decoder: &mut GenericDecoder,
         snapshot: &MapSnapshot,
-        wanted: (&Comparison, f32),
-        size: usize,
+        comparison: &Comparison,
+        threshold: f32,
     ) -> Result<Scores, NetworkError> {
-        let (comparison, threshold) = wanted;
-        let relevancies = self.relevancies(decoder, snapshot, comparison, size)?;
+        let relevancies = self.relevancies(decoder, snapshot, comparison)?;
         let gaussians = &snapshot.gaussians;
         let coverage = relevancies.len() as f32 / gaussians.means.len().max(1) as f32;
         let relevant = with_language(snapshot)

@@ -11,16 +11,13 @@ use std::sync::Arc;
 pub(super) struct Words {
     tower: TextTower,
     relevancy: RelevancySpec,
-    capacity: usize,
-    /// Embedding and when it was last asked for.
-    cache: HashMap<String, (u64, Arc<[f32]>)>,
-    clock: u64,
+    cache: Cache,
 }
 
 impl Words {
     /// Keeps the embeddings of at most `capacity` texts, at least one.
     pub(super) fn new(tower: TextTower, relevancy: RelevancySpec, capacity: usize) -> Self {
-        Self { tower, relevancy, capacity: capacity.max(1), cache: HashMap::new(), clock: 0 }
+        Self { tower, relevancy, cache: Cache::new(capacity) }
     }
 
     /// What the question's features are to be compared with.
@@ -32,10 +29,8 @@ impl Words {
             given => given,
         };
         if negatives.len() > MAX_NEGATIVES {
-            return Err(QueryError::TooManyNegatives {
-                limit: MAX_NEGATIVES,
-                found: negatives.len(),
-            });
+            let found = negatives.len();
+            return Err(QueryError::TooManyNegatives { limit: MAX_NEGATIVES, found });
         }
         let text = self.embedding(text)?;
         let negatives: Vec<Arc<[f32]>> = negatives
@@ -47,19 +42,11 @@ impl Words {
     }
 
     fn embedding(&mut self, text: &str) -> Result<Arc<[f32]>, NetworkError> {
-        self.clock += 1;
-        if let Some((asked, embedding)) = self.cache.get_mut(text) {
-            *asked = self.clock;
-            return Ok(embedding.clone());
+        if let Some(embedding) = self.cache.get(text) {
+            return Ok(embedding);
         }
         let embedding: Arc<[f32]> = self.tower.embed(text)?.into();
-        if self.cache.len() >= self.capacity {
-            let oldest = self.cache.iter().min_by_key(|(_, (asked, _))| *asked);
-            if let Some(oldest) = oldest.map(|(text, _)| text.clone()) {
-                self.cache.remove(&oldest);
-            }
-        }
-        self.cache.insert(text.to_owned(), (self.clock, embedding.clone()));
+        self.cache.put(text, embedding.clone());
         Ok(embedding)
     }
 }
@@ -72,5 +59,65 @@ fn checked<'a>(field: &'static str, text: &'a str) -> Result<&'a str, QueryError
     match text.trim() {
         "" => Err(QueryError::EmptyText { field }),
         text => Ok(text),
+    }
+}
+
+/// Embeddings of the texts that were asked for last.
+struct Cache {
+    capacity: usize,
+    /// When a text was last asked for, and its embedding.
+    entries: HashMap<String, (u64, Arc<[f32]>)>,
+    clock: u64,
+}
+
+impl Cache {
+    fn new(capacity: usize) -> Self {
+        Self { capacity: capacity.max(1), entries: HashMap::new(), clock: 0 }
+    }
+
+    fn get(&mut self, text: &str) -> Option<Arc<[f32]>> {
+        let (asked, embedding) = self.entries.get_mut(text)?;
+        self.clock += 1;
+        *asked = self.clock;
+        Some(embedding.clone())
+    }
+
+    /// A full cache forgets what was not asked for longest.
+    fn put(&mut self, text: &str, embedding: Arc<[f32]>) {
+        if self.entries.len() >= self.capacity {
+            let oldest = self.entries.iter().min_by_key(|(_, (asked, _))| *asked);
+            if let Some(oldest) = oldest.map(|(text, _)| text.clone()) {
+                self.entries.remove(&oldest);
+            }
+        }
+        self.clock += 1;
+        self.entries.insert(text.to_owned(), (self.clock, embedding));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_cache_forgets_what_was_not_asked_for_longest() {
+        let mut cache = Cache::new(2);
+        cache.put("cup", [1.0].into());
+        cache.put("sofa", [2.0].into());
+        assert_eq!(cache.get("cup").as_deref(), Some(&[1.0][..]));
+        cache.put("lamp", [3.0].into());
+        assert_eq!(cache.get("sofa"), None);
+        assert_eq!(cache.get("cup").as_deref(), Some(&[1.0][..]));
+        assert_eq!(cache.get("lamp").as_deref(), Some(&[3.0][..]));
+        assert_eq!(cache.entries.len(), 2);
+    }
+
+    #[test]
+    fn white_space_around_a_text_does_not_count() {
+        assert_eq!(checked("text", "  coffee cup\n").unwrap(), "coffee cup");
+        assert!(matches!(checked("text", "\t "), Err(QueryError::EmptyText { field: "text" })));
+        let long = "a".repeat(MAX_TEXT_BYTES + 1);
+        assert!(matches!(checked("text", &long), Err(QueryError::TextTooLong { .. })));
+        assert!(checked("text", &long[1..]).is_ok());
     }
 }

@@ -236,8 +236,7 @@ impl Worker {
         let size = self.feature_size;
         self.space.prepare(&mut self.decoder, snapshot, size)?;
         timing.decode = lap(&mut clock);
-        let wanted = (comparison, threshold);
-        let scores = self.space.scores(&mut self.decoder, snapshot, wanted, size)?;
+        let scores = self.space.scores(&mut self.decoder, snapshot, comparison, threshold)?;
         let density =
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
         let mut found = objects(&scores.relevant, density);

@@ -11,7 +11,6 @@ use crate::pipeline::compressor::GENERIC;
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{Camera, HostGaussians, LanguageImage};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Opacity of the language head below which a pixel shows nothing.
@@ -24,8 +23,6 @@ const LEAST_LENGTH: f32 = 0.2;
 pub(super) struct ViewFeatures {
     width: usize,
     height: usize,
-    /// D.
-    size: usize,
     /// Pixels with language, in order.
     pixels: Vec<u32>,
     /// `[pixels, D]`, unit length.
@@ -40,11 +37,7 @@ impl ViewFeatures {
 
     /// Relevancy of every pixel at the view's size, not smoothed; 0 where no language is.
     pub(super) fn relevancy(&self, comparison: &Comparison, camera: &Camera) -> Plane {
-        let scores: Vec<f32> = self
-            .features
-            .par_chunks_exact(self.size)
-            .map(|feature| comparison.relevancy(feature))
-            .collect();
+        let scores = comparison.relevancies(&self.features);
         let mut values = vec![0.0; self.width * self.height];
         for (&pixel, score) in self.pixels.iter().zip(scores) {
             values[pixel as usize] = score;
@@ -112,5 +105,5 @@ pub(super) fn decode(
     let mut features = Vec::with_capacity(generic.len() / GENERIC * size);
     decoder.decompress(&generic, |batch| features.extend_from_slice(batch))?;
     let (width, height) = (image.width as usize, image.height as usize);
-    Ok(ViewFeatures { width, height, size, pixels, features })
+    Ok(ViewFeatures { width, height, pixels, features })
 }

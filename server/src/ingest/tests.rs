@@ -1,0 +1,243 @@
+//! Streams over a real socket, in front of a real pipeline.
+
+use super::*;
+use crate::test_support::{CAMERA, config, engine};
+use lexsplat_proto::v1::mapping_client::MappingClient;
+use lexsplat_proto::v1::{FrameAck, FrameStatus, OpenMap, frame_message::Message};
+use std::path::Path;
+use tokio::sync::mpsc;
+use tonic::Code;
+use tonic::transport::Channel;
+
+struct Server {
+    client: MappingClient<Channel>,
+    stopping: CancellationToken,
+}
+
+impl Server {
+    async fn start(data_dir: Option<&Path>) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let stopping = CancellationToken::new();
+        let store = Store::open(data_dir).unwrap();
+        let config = config().ingest;
+        let service = MappingService::new(engine(), store, &config, stopping.clone());
+        tokio::spawn(service.serve(listener));
+        let client = MappingClient::connect(format!("http://{address}")).await.unwrap();
+        Self { client, stopping }
+    }
+
+    async fn stream(&self) -> Stream {
+        let (frames, outbound) = mpsc::channel(4);
+        let outbound = ReceiverStream::new(outbound);
+        let acks = self.client.clone().stream_frames(outbound).await.unwrap().into_inner();
+        Stream { frames, acks }
+    }
+
+    /// A stream whose opening message was accepted.
+    async fn opened(&self, map: &str) -> (Stream, FrameAck) {
+        let mut stream = self.stream().await;
+        stream.send(Message::Open(open_message(map))).await;
+        let ack = stream.ack().await.unwrap();
+        assert_eq!(ack.status(), FrameStatus::Opened);
+        (stream, ack)
+    }
+}
+
+struct Stream {
+    frames: mpsc::Sender<v1::FrameMessage>,
+    acks: Streaming<FrameAck>,
+}
+
+impl Stream {
+    async fn send(&self, message: Message) {
+        self.frames.send(v1::FrameMessage { message: Some(message) }).await.unwrap();
+    }
+
+    async fn ack(&mut self) -> Result<FrameAck, Status> {
+        self.acks.message().await.map(|ack| ack.expect("the stream goes on"))
+    }
+
+    /// Ends the stream from this side and waits for the other.
+    async fn finish(mut self) {
+        drop(self.frames);
+        assert!(self.acks.message().await.unwrap().is_none());
+    }
+}
+
+fn open_message(map: &str) -> OpenMap {
+    OpenMap {
+        map: map.into(),
+        intrinsics: Some(v1::Intrinsics {
+            width: CAMERA.width,
+            height: CAMERA.height,
+            fx: CAMERA.fx,
+            fy: CAMERA.fy,
+            cx: CAMERA.cx,
+            cy: CAMERA.cy,
+        }),
+        depth_unit_metres: 0.001,
+        pose_source: v1::PoseSource::Given.into(),
+    }
+}
+
+fn frame(sequence: u64) -> v1::Frame {
+    let pixels = (CAMERA.width * CAMERA.height) as usize;
+    v1::Frame {
+        sequence,
+        timestamp_nanos: sequence * 100_000_000,
+        color_format: v1::ColorFormat::Rgb8.into(),
+        color: vec![120; pixels * 3].into(),
+        depth_format: v1::DepthFormat::U16.into(),
+        depth: 2000_u16.to_le_bytes().repeat(pixels).into(),
+        world_from_camera: Some(v1::Pose {
+            rotation: Some(v1::Quaternion { w: 1.0, ..Default::default() }),
+            translation_metres: Some(v1::Vector3::default()),
+        }),
+        pose_covariance: Vec::new(),
+    }
+}
+
+#[tokio::test]
+async fn frames_are_acknowledged_in_order_and_bad_ones_do_not_end_the_stream() {
+    let server = Server::start(None).await;
+    let (mut stream, opened) = server.opened("ingest-order").await;
+    assert_eq!((opened.received_through, opened.durable_through), (None, None));
+    let unrigid = v1::Pose {
+        rotation: Some(v1::Quaternion { w: 3.0, ..Default::default() }),
+        ..frame(0).world_from_camera.unwrap()
+    };
+    stream.send(Message::Frame(frame(3))).await;
+    stream.send(Message::Frame(v1::Frame { world_from_camera: Some(unrigid), ..frame(4) })).await;
+    stream.send(Message::Frame(frame(3))).await;
+    stream.send(Message::Frame(frame(5))).await;
+    let mut found = Vec::new();
+    for _ in 0..4 {
+        let ack = stream.ack().await.unwrap();
+        assert_eq!(ack.durable_through, None, "nothing is kept without a data directory");
+        found.push((ack.sequence, ack.status(), ack.refused_field));
+    }
+    let tracked = |sequence| (sequence, FrameStatus::Tracked, String::new());
+    let refused = |sequence, field: &str| (sequence, FrameStatus::Refused, field.to_owned());
+    let expected =
+        [tracked(3), refused(4, "world_from_camera.rotation"), refused(3, "sequence"), tracked(5)];
+    assert_eq!(found, expected);
+    stream.finish().await;
+    let status = engine().map("ingest-order").unwrap().status();
+    assert_eq!((status.frames_received, status.frames_refused), (2, 2));
+    let (stream, again) = server.opened("ingest-order").await;
+    assert_eq!(again.received_through, Some(5));
+    stream.finish().await;
+}
+
+#[tokio::test]
+async fn a_stream_must_open_properly() {
+    let server = Server::start(None).await;
+    let refusal = async |first: Message| {
+        let mut stream = server.stream().await;
+        stream.send(first).await;
+        stream.ack().await.unwrap_err()
+    };
+    assert_eq!(refusal(Message::Frame(frame(1))).await.code(), Code::InvalidArgument);
+    let status = refusal(Message::Open(open_message("no/name"))).await;
+    assert_eq!(status.code(), Code::InvalidArgument);
+    let open = OpenMap { intrinsics: None, ..open_message("ingest-open") };
+    let status = refusal(Message::Open(open)).await;
+    assert_eq!(status.code(), Code::InvalidArgument);
+    assert!(status.message().contains("intrinsics") && !status.details().is_empty(), "{status}");
+    let pose_source = v1::PoseSource::Estimated.into();
+    let open = OpenMap { pose_source, ..open_message("ingest-open") };
+    let status = refusal(Message::Open(open)).await;
+    assert_eq!(status.code(), Code::Unimplemented);
+    assert!(status.message().contains("estimating poses is not there yet"), "{status}");
+    let (mut stream, _) = server.opened("ingest-open").await;
+    stream.send(Message::Open(open_message("ingest-open"))).await;
+    assert_eq!(stream.ack().await.unwrap_err().code(), Code::InvalidArgument);
+}
+
+#[tokio::test]
+async fn a_map_has_one_sender_and_a_broken_connection_frees_its_place() {
+    let server = Server::start(None).await;
+    let (first, _) = server.opened("ingest-busy").await;
+    let mut second = server.stream().await;
+    second.send(Message::Open(open_message("ingest-busy"))).await;
+    assert_eq!(second.ack().await.unwrap_err().code(), Code::Aborted);
+    drop(first);
+    for _ in 0..100 {
+        let mut third = server.stream().await;
+        third.send(Message::Open(open_message("ingest-busy"))).await;
+        if third.ack().await.is_ok() {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    panic!("the place was not given back");
+}
+
+#[tokio::test]
+async fn a_stopping_server_answers_what_it_took() {
+    let server = Server::start(None).await;
+    let (mut stream, _) = server.opened("ingest-stop").await;
+    stream.send(Message::Frame(frame(1))).await;
+    assert_eq!(stream.ack().await.unwrap().status(), FrameStatus::Tracked);
+    server.stopping.cancel();
+    assert_eq!(stream.ack().await.unwrap_err().code(), Code::Unavailable);
+}
+
+#[tokio::test]
+async fn durable_frames_come_back_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(Some(folder.path())).await;
+    let (mut stream, opened) = server.opened("ingest-durable").await;
+    assert_eq!(opened.durable_through, None);
+    for sequence in 1..=3 {
+        stream.send(Message::Frame(frame(sequence))).await;
+        let ack = stream.ack().await.unwrap();
+        assert!(ack.durable_through.is_some_and(|through| through >= sequence), "{ack:?}");
+    }
+    stream.finish().await;
+    // As after a crash: the map is gone, its log is not.
+    engine().delete("ingest-durable").await.unwrap();
+    let store = Store::open(Some(folder.path())).unwrap();
+    let limits = Limits::from(&config().ingest);
+    crate::store::replay(&store, &engine(), &limits).await.unwrap();
+    let map = engine().map("ingest-durable").unwrap();
+    assert_eq!((map.received_through(), map.status().frames_received), (Some(3), 3));
+    let (stream, opened) = server.opened("ingest-durable").await;
+    assert_eq!((opened.received_through, opened.durable_through), (Some(3), Some(3)));
+    stream.finish().await;
+    let name = "ingest-durable".to_owned();
+    server.client.clone().delete_map(v1::DeleteMapRequest { name }).await.unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the log is gone, too");
+}
+
+#[tokio::test]
+async fn maps_and_questions_work_over_grpc() {
+    let server = Server::start(None).await;
+    let mut client = server.client.clone();
+    let name = "ingest-calls".to_owned();
+    let request = v1::CreateMapRequest { name: name.clone() };
+    assert_eq!(
+        client.create_map(request.clone()).await.unwrap().into_inner().tracking_state,
+        "empty"
+    );
+    assert_eq!(client.create_map(request).await.unwrap_err().code(), Code::AlreadyExists);
+    let nowhere = v1::GetMapRequest { name: "nowhere".into() };
+    assert_eq!(client.get_map(nowhere).await.unwrap_err().code(), Code::NotFound);
+    let listed = client.list_maps(v1::ListMapsRequest {}).await.unwrap().into_inner();
+    assert!(listed.maps.iter().any(|map| map.name == name));
+    let question = v1::QueryRequest { map: name.clone(), text: "cup".into(), ..Default::default() };
+    assert!(!client.query(question.clone()).await.unwrap().into_inner().present);
+    let bad = v1::QueryRequest { threshold: Some(3.0), ..question };
+    let status = client.query(bad).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument);
+    assert!(status.message().starts_with("threshold: "), "{status}");
+    let export = |format: &str| v1::ExportRequest { map: name.clone(), format: format.into() };
+    let mut chunks = client.export_map(export("splats.ply")).await.unwrap().into_inner();
+    assert!(chunks.message().await.unwrap().unwrap().data.starts_with(b"ply\n"));
+    let code = async |format: &str| {
+        server.client.clone().export_map(export(format)).await.unwrap_err().code()
+    };
+    assert_eq!(code("mesh.ply").await, Code::Unimplemented);
+    assert_eq!(code("mesh.obj").await, Code::InvalidArgument);
+}
