@@ -1,3 +1,8 @@
-//! Client library of lexsplat.
+#![doc = include_str!("../README.md")]
 
+pub mod dataset;
+pub mod http;
+pub mod npy;
+pub mod overlay;
+pub mod stream;
 pub mod synthetic;

@@ -16,11 +16,17 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Export(command::export::Export),
+    Query(command::query::Query),
+    Stream(command::stream::Stream),
     Synth(command::synth::Synth),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Export(arguments) => command::wait(command::export::run(&arguments)),
+        Command::Query(arguments) => command::wait(command::query::run(&arguments)),
+        Command::Stream(arguments) => command::wait(command::stream::run(&arguments)),
         Command::Synth(arguments) => command::synth::run(&arguments),
     };
     match result {

@@ -25,6 +25,7 @@ use std::time::Duration;
 use store::{Store, StoreError};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
+use tokio::task::{JoinError, JoinSet};
 use tokio_util::sync::CancellationToken;
 
 /// Where the server listens: bound already.
@@ -119,8 +120,10 @@ pub async fn serve(
         stopping: stopping.clone(),
     });
     let http_stop = stopping.clone().cancelled_owned();
-    let mut http = tokio::spawn(async move {
-        axum::serve(listeners.http, router).with_graceful_shutdown(http_stop).await
+    let mut parts = JoinSet::new();
+    parts.spawn(async move {
+        let served = axum::serve(listeners.http, router).with_graceful_shutdown(http_stop).await;
+        served.map_err(RunError::from)
     });
     tokio::pin!(shutdown);
     let limits = (&config.ingest).into();
@@ -128,40 +131,38 @@ pub async fn serve(
         rebuilt = store::replay(&store, &engine, &limits) => rebuilt.map(|()| true)?,
         () = &mut shutdown => false,
     };
-    let service =
-        MappingService::new(engine.clone(), store, &config.ingest, stopping.clone());
-    let mut grpc = tokio::spawn(service.serve(listeners.grpc));
-    let mut grpc_ended = None;
-    let mut http_ended = None;
+    let mut first = None;
     if rebuilt {
+        let service = MappingService::new(engine.clone(), store, &config.ingest, stopping.clone());
+        parts.spawn(async move { service.serve(listeners.grpc).await.map_err(RunError::from) });
         is_ready.send_replace(true);
         on_ready(&ready);
         tokio::select! {
             () = &mut shutdown => {}
-            ended = &mut grpc => grpc_ended = Some(ended),
-            ended = &mut http => http_ended = Some(ended),
+            ended = parts.join_next() => first = ended,
         }
     }
     tracing::info!("stopping: open calls may finish");
     stopping.cancel();
     let patience = Duration::from_secs(config.server.shutdown_seconds);
-    let ends = async {
-        let grpc_ended = match grpc_ended {
-            Some(ended) => ended,
-            None => (&mut grpc).await,
-        };
-        let http_ended = match http_ended {
-            Some(ended) => ended,
-            None => (&mut http).await,
-        };
-        grpc_ended.map_err(|_| RunError::Panicked("the gRPC server"))??;
-        http_ended.map_err(|_| RunError::Panicked("the HTTP server"))??;
-        Ok(())
-    };
-    let ended = tokio::time::timeout(patience, ends).await;
+    let ended = tokio::time::timeout(patience, all_ended(first, parts)).await;
     engine.shutdown().await;
     ended.unwrap_or_else(|_| {
         tracing::warn!(?patience, "calls were still open and were cut off");
         Ok(())
     })
+}
+
+type Ended = Result<Result<(), RunError>, JoinError>;
+
+/// Waits for the parts of the server; the first failure, if one failed.
+async fn all_ended(
+    first: Option<Ended>,
+    mut parts: JoinSet<Result<(), RunError>>,
+) -> Result<(), RunError> {
+    let mut ended: Vec<Ended> = first.into_iter().collect();
+    while let Some(next) = parts.join_next().await {
+        ended.push(next);
+    }
+    ended.into_iter().try_for_each(|part| part.map_err(|_| RunError::Panicked("a listener"))?)
 }

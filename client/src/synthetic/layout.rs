@@ -79,7 +79,11 @@ impl Furnisher {
             let (length, place) = (self.places.length(wall), self.places.on_wall(wall, 0.0, 0.0));
             self.b.object("wall", place, |b| {
                 let half = length / 2.0 + 0.05;
-                b.plane([v(half, 0.0, -0.05), v(-2.0 * half, 0.0, 0.0), v(0.0, 0.0, h + 0.1)], 0.08, skin);
+                b.plane(
+                    [v(half, 0.0, -0.05), v(-2.0 * half, 0.0, 0.0), v(0.0, 0.0, h + 0.1)],
+                    0.08,
+                    skin,
+                );
                 let skirting = shiny(Texture::Plaster(rgb(0xe8e4d8)), 0.1);
                 b.slab(v(0.0, 0.008, 0.045), v(length, 0.016, 0.09), 0.004, skirting);
             });
@@ -119,7 +123,10 @@ impl Furnisher {
             seats = (0..3).map(|i| (i as f32 * TAU / 3.0 + 0.5, w / 2.0, f32::NAN)).collect();
         } else if self.d.chance(0.6) {
             let x = w / 4.0;
-            seats = [-x, x].iter().flat_map(|&x| [(x, depth / 2.0, PI), (x, -depth / 2.0, 0.0)]).collect();
+            seats = [-x, x]
+                .iter()
+                .flat_map(|&x| [(x, depth / 2.0, PI), (x, -depth / 2.0, 0.0)])
+                .collect();
         }
         if w != depth && self.d.chance(0.4) {
             seats.push((w / 2.0, f32::NAN, FRAC_PI_2));
@@ -179,7 +186,11 @@ impl Furnisher {
     fn openings(&mut self) {
         if let Some((place, _)) = self.places.hang(&mut self.d, [1.06, 2.11], [1.055, 1.056]) {
             // Keep the way to the door free.
-            self.places.take(&place.then(&Placement::upright(v(0.0, 0.35, 0.0), 0.0)), [0.95, 0.7], 0.0);
+            self.places.take(
+                &place.then(&Placement::upright(v(0.0, 0.35, 0.0), 0.0)),
+                [0.95, 0.7],
+                0.0,
+            );
             let down = place.then(&Placement::upright(v(0.0, 0.0, -0.04), 0.0));
             let d = &mut self.d;
             self.b.object("door", down, |b| walls::door(b, d));
@@ -218,7 +229,8 @@ impl Furnisher {
         }
         if self.d.chance(0.45) {
             let w = self.d.pick(&[0.95, 1.4]);
-            let bed = self.against_wall("bed", [w + 0.08, 2.02, 0.95], |b, d| seating::bed(b, d, w));
+            let bed =
+                self.against_wall("bed", [w + 0.08, 2.02, 0.95], |b, d| seating::bed(b, d, w));
             if let Some(place) = bed.filter(|_| self.d.chance(0.6)) {
                 let on = place.then(&Placement::upright(v(0.1, -0.1, 0.49), 0.2));
                 let d = &mut self.d;
@@ -263,7 +275,8 @@ impl Furnisher {
             self.b.object("potted plant", place, |b| decor::plant(b, d, h));
         }
         let h = self.d.between(1.45, 1.7);
-        let lamp = self.places.in_corner(&mut self.d, [0.42, 0.42, h]).filter(|_| self.d.chance(0.85));
+        let lamp =
+            self.places.in_corner(&mut self.d, [0.42, 0.42, h]).filter(|_| self.d.chance(0.85));
         if let Some(place) = lamp {
             let d = &mut self.d;
             self.b.object("lamp", place, |b| decor::floor_lamp(b, d, h));
@@ -314,7 +327,10 @@ impl Furnisher {
 }
 
 fn wall_paint(d: &mut Dice) -> Material {
-    let ground = rgb(d.pick(&[0xe8dfcc, 0xd4dcd8, 0xc8d4de, 0xe4d0bc, 0xd8d2c4, 0xb8c8b4, 0xe6c8b8, 0xa8b8c4]));
+    let ground =
+        rgb(d.pick(&[
+            0xe8dfcc, 0xd4dcd8, 0xc8d4de, 0xe4d0bc, 0xd8d2c4, 0xb8c8b4, 0xe6c8b8, 0xa8b8c4,
+        ]));
     if d.chance(0.5) {
         return matt(Texture::Plaster(ground));
     }

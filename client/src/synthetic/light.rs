@@ -37,8 +37,7 @@ impl Light {
     /// A window: a grid of points over the parallelogram.
     pub fn window(origin: V3, eu: V3, ev: V3, power: V3) -> Self {
         let at = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
-        let points =
-            (0..12).map(|i| origin + eu * at(i % 4, 4) + ev * at(i / 4, 3)).collect();
+        let points = (0..12).map(|i| origin + eu * at(i % 4, 4) + ev * at(i / 4, 3)).collect();
         Self { points, facing: Some(eu.cross(ev).unit()), power }
     }
 

@@ -69,10 +69,6 @@ pub(crate) enum Texture {
         kind: u32,
     },
     Leather(V3),
-    Marble {
-        a: V3,
-        b: V3,
-    },
     Metal(V3),
     Wicker {
         a: V3,
@@ -143,13 +139,16 @@ impl Texture {
         match *self {
             Texture::Plain(c) => c,
             Texture::Plaster(c) => {
-                c * (0.94 + 0.07 * fractal(x * 3.0, y * 3.0, 5) + 0.03 * noise(x * 60.0, y * 60.0, 6))
+                c * (0.94
+                    + 0.07 * fractal(x * 3.0, y * 3.0, 5)
+                    + 0.03 * noise(x * 60.0, y * 60.0, 6))
             }
             Texture::Wood { base, dark, axis } => wood(at.local, base, dark, axis),
             Texture::Planks { base, dark } => planks(x, y, base, dark),
             Texture::Tiles { a, b, size } => tiles(x / size, y / size, a, b),
             Texture::Carpet { a, b } => {
-                let fleck = noise(x * 90.0, y * 90.0, 11) * 0.6 + fractal(x * 9.0, y * 9.0, 12) * 0.5;
+                let fleck =
+                    noise(x * 90.0, y * 90.0, 11) * 0.6 + fractal(x * 9.0, y * 9.0, 12) * 0.5;
                 a.mix(b, step(0.25, 0.85, fleck))
             }
             Texture::Weave { a, b } => {
@@ -171,13 +170,9 @@ impl Texture {
             }
             Texture::Wallpaper { ground, motif, kind } => wallpaper(x, y, ground, motif, kind),
             Texture::Leather(c) => {
-                c * (0.72 + 0.34 * fractal(x * 30.0, y * 30.0, 41) + 0.12 * noise(x * 5.0, y * 5.0, 42))
-            }
-            Texture::Marble { a, b } => {
-                let p = at.local * 6.0;
-                let bend = noise3(p, 51) * 3.0 + noise3(p * 2.3, 52) * 1.2;
-                let vein = ((p.x * 0.8 + p.y * 0.5 + p.z * 0.6 + bend) * 2.2).sin().abs();
-                b.mix(a, step(0.02, 0.4, vein))
+                c * (0.72
+                    + 0.34 * fractal(x * 30.0, y * 30.0, 41)
+                    + 0.12 * noise(x * 5.0, y * 5.0, 42))
             }
             Texture::Metal(c) => c * (0.86 + 0.2 * noise(x * 14.0, y * 400.0, 61)),
             Texture::Wicker { a, b } => wicker(x, y, a, b),
@@ -225,7 +220,8 @@ fn tiles(x: f32, y: f32, a: V3, b: V3) -> V3 {
 fn plaid(x: f32, y: f32, ground: V3, band: V3) -> V3 {
     let across = |t: f32| {
         let t = (t / 0.16).rem_euclid(1.0);
-        0.45 * (step(0.3, 0.34, t) - step(0.62, 0.66, t)) + 0.3 * (step(0.8, 0.82, t) - step(0.86, 0.88, t))
+        0.45 * (step(0.3, 0.34, t) - step(0.62, 0.66, t))
+            + 0.3 * (step(0.8, 0.82, t) - step(0.86, 0.88, t))
     };
     ground.mix(band, (across(x) + across(y)).clamp(0.0, 1.0))
         * (0.9 + 0.14 * noise(x * 160.0, y * 160.0, 101))

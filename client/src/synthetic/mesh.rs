@@ -88,12 +88,7 @@ pub(crate) fn light_grid(metres: [f32; 2], texel: f32) -> [usize; 2] {
 
 impl Mesh {
     /// Adds the surface `shape(u, v) -> (position, normal)` given in the object's frame.
-    pub fn add(
-        &mut self,
-        grid: &Grid,
-        mut patch: Patch,
-        shape: impl Fn(f32, f32) -> (V3, V3),
-    ) {
+    pub fn add(&mut self, grid: &Grid, mut patch: Patch, shape: impl Fn(f32, f32) -> (V3, V3)) {
         let placement = patch.placement;
         let place = |u: f32, v: f32| {
             let (p, n) = shape(u, v);

@@ -56,7 +56,8 @@ impl Loop {
         let forward = Vector3::new(yaw.cos() * pitch.cos(), yaw.sin() * pitch.cos(), pitch.sin());
         let right = forward.cross(&Vector3::z()).normalize();
         let down = forward.cross(&right);
-        let level = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[right, down, forward]));
+        let level =
+            Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[right, down, forward]));
         let rotation = level * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
         Isometry3::from_parts(
             Translation3::from(position),

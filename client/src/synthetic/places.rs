@@ -148,7 +148,11 @@ impl Places {
                 v(d.between(-hx, hx), d.between(-hy, hy), 0.0),
                 d.between(0.0, 2.0 * PI),
             );
-            let ground = footprint(&Placement { origin: place.origin, ..Placement::IDENTITY }, [width; 2], 0.0);
+            let ground = footprint(
+                &Placement { origin: place.origin, ..Placement::IDENTITY },
+                [width; 2],
+                0.0,
+            );
             if !self.floor.iter().any(|r| r.overlaps(&ground, GAP)) {
                 self.floor.push(ground);
                 return Some(place);

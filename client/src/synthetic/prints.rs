@@ -31,7 +31,8 @@ pub(crate) fn albedo(print: Print, at: &At) -> V3 {
         Print::Spine { cover, seed } => spine(u, t, cover, seed),
         Print::Pages => v(0.72, 0.68, 0.56) * (0.8 + 0.25 * noise(u * 6.0, t * 120.0, 3)),
         Print::Label { paper, ink } => {
-            let lines = step(0.3, 0.34, u) * (1.0 - step(0.62, 0.66, u))
+            let lines = step(0.3, 0.34, u)
+                * (1.0 - step(0.62, 0.66, u))
                 * step(0.5, 0.6, ((t * 7.0).rem_euclid(1.0) - 0.5).abs() * 2.0)
                 * step(0.35, 0.4, noise(u * 60.0, (t * 7.0).floor(), 4));
             paper.mix(ink, lines.max(1.0 - step(0.03, 0.05, t)).max(step(0.95, 0.97, t)))
@@ -47,7 +48,8 @@ pub(crate) fn albedo(print: Print, at: &At) -> V3 {
         Print::Broadcast(seed) => broadcast(u, t, seed),
         Print::Landscape(seed) => landscape(u, t, seed),
         Print::Carton => {
-            let board = rgb(0xb58a5a) * (0.88 + 0.14 * noise(at.metres[0] * 8.0, at.metres[1] * 150.0, 5));
+            let board =
+                rgb(0xb58a5a) * (0.88 + 0.14 * noise(at.metres[0] * 8.0, at.metres[1] * 150.0, 5));
             let tape = 1.0 - step(0.09, 0.1, (u - 0.5).abs());
             board.mix(rgb(0xd8c08c), tape * 0.8)
         }
@@ -121,7 +123,8 @@ fn sunset(u: f32, t: f32, seed: u32) -> V3 {
     let (sx, sy) = (0.3 + 0.4 * hash(1, 1, seed), 0.52);
     let sun = 1.0 - step(0.08, 0.09, (u - sx).hypot(t - sy));
     let above = sky.mix(rgb(0xfff0b0), sun);
-    let glitter = step(0.55, 0.7, noise(u * 12.0, t * 70.0, seed)) * (1.0 - ((u - sx) * 3.0).abs()).max(0.0);
+    let glitter =
+        step(0.55, 0.7, noise(u * 12.0, t * 70.0, seed)) * (1.0 - ((u - sx) * 3.0).abs()).max(0.0);
     let water = rgb(0x2c4468).mix(rgb(0xf4a850), glitter * 0.9);
     water.mix(above, step(0.42, 0.43, t))
 }
@@ -138,9 +141,12 @@ fn brushwork(u: f32, t: f32, seed: u32) -> V3 {
 fn spine(u: f32, t: f32, cover: V3, seed: u32) -> V3 {
     let gilt = if hash(3, 1, seed) > 0.5 { rgb(0xe0c060) } else { rgb(0xf0ede4) };
     let low = 0.08 + 0.1 * hash(1, 1, seed);
-    let bands = (1.0 - step(0.012, 0.02, (t - low).abs())).max(1.0 - step(0.012, 0.02, (t - 0.92).abs()));
+    let bands =
+        (1.0 - step(0.012, 0.02, (t - low).abs())).max(1.0 - step(0.012, 0.02, (t - 0.92).abs()));
     // Title: letters as blocks along the spine.
-    let letters = step(0.3, 0.36, u) * (1.0 - step(0.64, 0.7, u)) * step(0.35, 0.4, t)
+    let letters = step(0.3, 0.36, u)
+        * (1.0 - step(0.64, 0.7, u))
+        * step(0.35, 0.4, t)
         * (1.0 - step(0.8, 0.82, t))
         * step(0.42, 0.5, noise(t * 46.0, 0.5, seed));
     let worn = cover * (0.82 + 0.25 * noise(u * 4.0, t * 12.0, seed));
@@ -155,7 +161,8 @@ fn clock(u: f32, t: f32, face: V3, ink: V3) -> V3 {
     let hand = |direction: f32, length: f32, width: f32| {
         let (s, c) = direction.sin_cos();
         let (along, across) = (x * s + y * c, x * c - y * s);
-        f32::from(along > -0.04 && along < length) * (1.0 - step(width, width + 0.008, across.abs()))
+        f32::from(along > -0.04 && along < length)
+            * (1.0 - step(width, width + 0.008, across.abs()))
     };
     let hands = hand(-1.05, 0.24, 0.016).max(hand(1.05, 0.36, 0.01));
     face.mix(ink, mark.max(hands).max(1.0 - step(0.02, 0.028, r)))
@@ -172,7 +179,8 @@ fn rug(at: &At, [ground, border, accent]: [V3; 3], seed: u32) -> V3 {
         // A central medallion among small diamonds.
         0 => {
             let medallion = (dx.abs() / width + dy.abs() / height) * 2.0;
-            let rings = step(0.0, 0.3, (medallion * 16.0).sin()) * (1.0 - step(0.6, 0.62, medallion));
+            let rings =
+                step(0.0, 0.3, (medallion * 16.0).sin()) * (1.0 - step(0.6, 0.62, medallion));
             let (a, b) = ((dx / 0.16).rem_euclid(1.0) - 0.5, (dy / 0.16).rem_euclid(1.0) - 0.5);
             rings.max((1.0 - step(0.2, 0.24, a.abs() + b.abs())) * step(0.62, 0.64, medallion))
         }

@@ -43,7 +43,8 @@ impl<'a> Eye<'a> {
 }
 
 /// Offsets of the four colour samples from the pixel's centre.
-const SAMPLES: [(f32, f32); 4] = [(-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375)];
+const SAMPLES: [(f32, f32); 4] =
+    [(-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375)];
 /// Neighbouring normals further apart than this (cosine) count as an edge.
 const EDGE: f32 = 0.9;
 

@@ -139,7 +139,8 @@ impl Builder {
         self.patch(&grid, material, |u, t| {
             let i = vs.iter().rposition(|&s| s <= t).unwrap_or(0).min(run.len() - 2);
             let f = ((t - vs[i]) / (vs[i + 1] - vs[i]).max(1e-9)).clamp(0.0, 1.0);
-            let blend = |a: (f32, f32), b: (f32, f32)| (a.0 + (b.0 - a.0) * f, a.1 + (b.1 - a.1) * f);
+            let blend =
+                |a: (f32, f32), b: (f32, f32)| (a.0 + (b.0 - a.0) * f, a.1 + (b.1 - a.1) * f);
             let (r, z) = blend(run[i], run[i + 1]);
             let (nr, nz) = blend(normals[i], normals[i + 1]);
             let (s, c) = (u * TAU).sin_cos();
@@ -196,7 +197,8 @@ impl Builder {
     pub fn disc(&mut self, radius: f32, material: Material) {
         const SIDES: usize = 36;
         let lines = |n: usize| (0..=n).map(|i| i as f32 / n as f32).collect::<Vec<_>>();
-        let grid = Grid { us: lines(SIDES), vs: lines(1), light: [2, 2], metres: [2.0 * radius; 2] };
+        let grid =
+            Grid { us: lines(SIDES), vs: lines(1), light: [2, 2], metres: [2.0 * radius; 2] };
         self.patch(&grid, material, |u, t| {
             let (s, c) = (u * TAU).sin_cos();
             (v(-c * t * radius, 0.0, s * t * radius), v(0.0, 1.0, 0.0))

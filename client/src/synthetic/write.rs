@@ -31,7 +31,7 @@ pub struct Plan {
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The file system refused.
-    #[error("cannot write {path}: {source}", path = path.display())]
+    #[error("cannot write {path}", path = path.display())]
     File {
         /// What was being written.
         path: PathBuf,
@@ -39,7 +39,7 @@ pub enum WriteError {
         source: std::io::Error,
     },
     /// The encoder refused.
-    #[error("cannot encode a frame: {0}")]
+    #[error("cannot encode a frame")]
     Encode(#[from] ImageError),
 }
 
@@ -76,8 +76,7 @@ fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
 /// `world_from_camera` as sixteen numbers, row by row.
 fn matrix_line(pose: &Isometry3<f64>) -> String {
     let m = pose.to_homogeneous();
-    let numbers: Vec<String> =
-        (0..16).map(|i| format!("{:.9}", m[(i / 4, i % 4)])).collect();
+    let numbers: Vec<String> = (0..16).map(|i| format!("{:.9}", m[(i / 4, i % 4)])).collect();
     numbers.join(" ")
 }
 

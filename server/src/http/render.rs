@@ -158,7 +158,13 @@ async fn picture(
     let file = written.map_err(|_| Problem::internal("writing the picture panicked"))?;
     metrics::histogram!(RENDER_SECONDS, "channel" => channel.name()).record(started.elapsed());
     let kind = if npy { NPY } else { "image/png" };
-    Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())
+    // The map goes on changing.
+    let headers = [
+        (header::CONTENT_TYPE, kind),
+        (header::VARY, "accept"),
+        (header::CACHE_CONTROL, "no-cache"),
+    ];
+    Ok((headers, file).into_response())
 }
 
 fn write(picture: &Picture, npy: bool) -> Vec<u8> {

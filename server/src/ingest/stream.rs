@@ -63,6 +63,7 @@ async fn converse(
     let mut reader =
         Reader { newest: guard.map().received_through(), guard, opening, log, pending };
     let read = reader.run(&service, inbound).await;
+    reader.write_out().await;
     // Gives the sender's place back and lets the acknowledger finish what is in hand.
     drop(reader);
     let acknowledged = acknowledging.await.map_err(|_| Status::internal("a stream panicked"))?;
@@ -166,11 +167,19 @@ impl Reader {
         if let Some(log) = &self.log {
             log.append(wire).await.map_err(|error| Status::internal(error.to_string()))?;
         }
+        self.newest = Some(sequence);
         let since = Instant::now();
         let map = self.guard.map();
         let outcome = map.submit(frame).await.map_err(|error| status::of_map(&error, "map"))?;
-        self.newest = Some(sequence);
         Ok(Pending::Accepted { sequence, since, outcome })
+    }
+
+    /// Waits until the log is written, so that the map's next sender finds it whole.
+    async fn write_out(&self) {
+        if let (Some(log), Some(newest)) = (&self.log, self.newest) {
+            // A log that failed has nothing left to write.
+            let _ = log.durable(newest).await;
+        }
     }
 
     fn refuse(&self, sequence: u64, refusal: Refusal) -> Pending {

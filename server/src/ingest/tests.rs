@@ -20,7 +20,8 @@ impl Server {
         let address = listener.local_addr().unwrap();
         let stopping = CancellationToken::new();
         let store = Store::open(data_dir).unwrap();
-        let config = config().ingest;
+        // So that a sender which does not read is found out soon.
+        let config = IngestConfig { ack_seconds: 1, ..config().ingest };
         let service = MappingService::new(engine(), store, &config, stopping.clone());
         tokio::spawn(service.serve(listener));
         let client = MappingClient::connect(format!("http://{address}")).await.unwrap();
@@ -172,6 +173,27 @@ async fn a_map_has_one_sender_and_a_broken_connection_frees_its_place() {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     panic!("the place was not given back");
+}
+
+#[tokio::test]
+async fn a_sender_that_reads_no_acknowledgements_must_wait_and_loses_its_place() {
+    /// More acknowledgements than HTTP/2 windows and queues between the two hold.
+    const FRAMES: u64 = 20_000;
+    let server = Server::start(None).await;
+    let (stream, _) = server.opened("ingest-deaf").await;
+    let sent = async {
+        for sequence in 0..FRAMES {
+            let message = Some(Message::Frame(v1::Frame { sequence, ..Default::default() }));
+            if stream.frames.send(v1::FrameMessage { message }).await.is_err() {
+                return sequence;
+            }
+        }
+        FRAMES
+    };
+    let sent = tokio::time::timeout(Duration::from_secs(30), sent).await.expect("it is cut off");
+    assert!(sent < FRAMES, "all were read although no acknowledgement was");
+    let (next, _) = server.opened("ingest-deaf").await;
+    next.finish().await;
 }
 
 #[tokio::test]

@@ -69,8 +69,14 @@ impl Replaying<'_> {
             tokio::task::spawn_blocking(move || convert::frame(&wire, &opening, newest, &limits))
                 .await
                 .map_err(|_| "decoding panicked".to_owned())?;
-        // A frame that passed once fails now only if the limits have become narrower.
-        let frame = checked.map_err(|refusal| refusal.to_string())?;
+        let frame = match checked {
+            Ok(frame) => frame,
+            // It passed once: the limits have become narrower since.
+            Err(refusal) => {
+                tracing::warn!(map = guard.map().name(), %refusal, "a kept frame was left out");
+                return Ok(());
+            }
+        };
         guard.map().submit(frame).await.map_err(|error| error.to_string())?;
         self.frames += 1;
         Ok(())

@@ -6,6 +6,8 @@ const THUMBNAIL_WIDTH = 128;
 const STRIP_LENGTH = 40;
 const LIST_MILLIS = 4000;
 const REFRESH_MILLIS = 1500;
+// Below this, "absent" only means "not seen".
+const UNSEEN_COVERAGE = 0.05;
 
 const $ = (id) => document.getElementById(id);
 const state = { map: null, frames: [], chosen: null, channel: 'color', events: null, heat: null, objects: [], asked: 0 };
@@ -280,8 +282,10 @@ function meter(label, share) {
 }
 
 function drawAnswer(space, view) {
-  const verdict = element('p', `“${space.text}” is `, 'verdict');
-  verdict.append(element('span', space.present ? 'there' : 'not there', space.present ? 'yes' : 'no'));
+  const verdict = element('p', `“${space.text}” `, 'verdict');
+  const unseen = !space.present && space.coverage < UNSEEN_COVERAGE;
+  if (unseen) verdict.append(element('span', 'may be there: hardly anything has been seen yet', 'quiet'));
+  else verdict.append(element('span', space.present ? 'is there' : 'is not there', space.present ? 'yes' : 'no'));
   const lines = [verdict, ...meter('confidence', space.confidence), ...meter('seen with language', space.coverage)];
   if (view) {
     const where = view.present ? `${view.boxes.length} region${view.boxes.length === 1 ? '' : 's'} in this view` : 'not in this view';

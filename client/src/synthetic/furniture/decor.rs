@@ -12,8 +12,16 @@ pub(crate) fn plant(b: &mut Builder, d: &mut Dice, h: f32) {
     let clay = rgb(d.pick(&[0xb8643c, 0xd8d4c8, 0x3c5a6a, 0x8a8074]));
     let (r, pot) = (0.15, 0.3);
     let glaze = Texture::Glaze { base: clay, band: clay * 0.5, kind: d.variant() };
-    b.lathe(V3::ZERO, &[(0.0, 0.0), (r * 0.7, 0.0), (r, pot - 0.04), (r + 0.012, pot - 0.035), (r + 0.012, pot)], shiny(glaze, 0.2));
-    b.lathe(V3::ZERO, &[(r + 0.012, pot), (r - 0.005, pot), (r - 0.01, pot - 0.04), (0.0, pot - 0.03)], matt(Texture::Carpet { a: rgb(0x3a2618), b: rgb(0x1c120a) }));
+    b.lathe(
+        V3::ZERO,
+        &[(0.0, 0.0), (r * 0.7, 0.0), (r, pot - 0.04), (r + 0.012, pot - 0.035), (r + 0.012, pot)],
+        shiny(glaze, 0.2),
+    );
+    b.lathe(
+        V3::ZERO,
+        &[(r + 0.012, pot), (r - 0.005, pot), (r - 0.01, pot - 0.04), (0.0, pot - 0.03)],
+        matt(Texture::Carpet { a: rgb(0x3a2618), b: rgb(0x1c120a) }),
+    );
     let green = rgb(d.pick(&[0x3f7a34, 0x5a8a3a, 0x2e6a44]));
     let leaf = shiny(Texture::Leaf { a: green, b: green.mix(rgb(0xd8e0a0), 0.45) }, 0.15);
     let (broad, count) = if d.chance(0.5) { (0.13, 26) } else { (0.065, 40) };
@@ -35,13 +43,21 @@ pub(crate) fn plant(b: &mut Builder, d: &mut Dice, h: f32) {
             root + v(c * out - s * side, s * out + c * side, up + fold)
         });
     }
-    b.tube(&[v(0.0, 0.0, pot - 0.04), v(0.0, 0.0, pot + (h - pot) * 0.5)], 0.016, matt(Texture::Plain(rgb(0x5a4a28))));
+    b.tube(
+        &[v(0.0, 0.0, pot - 0.04), v(0.0, 0.0, pot + (h - pot) * 0.5)],
+        0.016,
+        matt(Texture::Plain(rgb(0x5a4a28))),
+    );
 }
 
 /// A floor lamp `h` high with a fabric shade.
 pub(crate) fn floor_lamp(b: &mut Builder, d: &mut Dice, h: f32) {
     let metal = shiny(Texture::Metal(rgb(d.pick(&[0xb89050, 0x2c2c30, 0xb8bcc0]))), 0.5);
-    b.lathe(V3::ZERO, &[(0.0, 0.0), (0.14, 0.0), (0.14, 0.018), (0.02, 0.03), (0.012, 0.05)], metal);
+    b.lathe(
+        V3::ZERO,
+        &[(0.0, 0.0), (0.14, 0.0), (0.14, 0.018), (0.02, 0.03), (0.012, 0.05)],
+        metal,
+    );
     b.tube(&[v(0.0, 0.0, 0.03), v(0.0, 0.0, h - 0.14)], 0.012, metal);
     let (low, high) = (d.between(0.17, 0.21), d.between(0.1, 0.15));
     shade(b, d, v(0.0, 0.0, h - 0.3), [low, high, 0.3]);
@@ -49,8 +65,22 @@ pub(crate) fn floor_lamp(b: &mut Builder, d: &mut Dice, h: f32) {
 
 /// A table lamp 0.45 m high with a ceramic foot.
 pub(crate) fn table_lamp(b: &mut Builder, d: &mut Dice) {
-    let glaze = shiny(Texture::Glaze { base: d.bright(), band: rgb(0xf0ebe0), kind: d.variant() }, 0.5);
-    b.lathe(V3::ZERO, &[(0.0, 0.0), (0.06, 0.0), (0.06, 0.012), (0.03, 0.03), (0.065, 0.1), (0.05, 0.17), (0.015, 0.22), (0.01, 0.27)], glaze);
+    let glaze =
+        shiny(Texture::Glaze { base: d.bright(), band: rgb(0xf0ebe0), kind: d.variant() }, 0.5);
+    b.lathe(
+        V3::ZERO,
+        &[
+            (0.0, 0.0),
+            (0.06, 0.0),
+            (0.06, 0.012),
+            (0.03, 0.03),
+            (0.065, 0.1),
+            (0.05, 0.17),
+            (0.015, 0.22),
+            (0.01, 0.27),
+        ],
+        glaze,
+    );
     shade(b, d, v(0.0, 0.0, 0.24), [0.15, 0.09, 0.2]);
 }
 
@@ -58,7 +88,11 @@ pub(crate) fn table_lamp(b: &mut Builder, d: &mut Dice) {
 fn shade(b: &mut Builder, d: &mut Dice, base: V3, [low, high, h]: [f32; 3]) {
     let cloth = rgb(d.pick(&[0xf4e4c0, 0xf0d8b0, 0xe8c898, 0xf4ece0]));
     b.lathe(base, &[(low, 0.0), (high, h)], glowing(Texture::Plain(cloth), 0.75));
-    b.ball(base + v(0.0, 0.0, h * 0.45), v(0.035, 0.035, 0.045), glowing(Texture::Plain(rgb(0xfff4dc)), 1.6));
+    b.ball(
+        base + v(0.0, 0.0, h * 0.45),
+        v(0.035, 0.035, 0.045),
+        glowing(Texture::Plain(rgb(0xfff4dc)), 1.6),
+    );
 }
 
 /// A lamp hanging from z = 0 downwards by `drop` metres.
@@ -70,7 +104,11 @@ pub(crate) fn pendant(b: &mut Builder, d: &mut Dice, drop: f32) {
     skin.glow = 0.12;
     let base = v(0.0, 0.0, -drop);
     b.lathe(base, &[(0.2, 0.0), (0.19, 0.05), (0.13, 0.13), (0.05, 0.19), (0.02, 0.21)], skin);
-    b.ball(base + v(0.0, 0.0, 0.05), v(0.06, 0.06, 0.06), glowing(Texture::Plain(rgb(0xfff4dc)), 1.8));
+    b.ball(
+        base + v(0.0, 0.0, 0.05),
+        v(0.06, 0.06, 0.06),
+        glowing(Texture::Plain(rgb(0xfff4dc)), 1.8),
+    );
 }
 
 /// A ball of the given radius.
@@ -119,4 +157,3 @@ pub(crate) fn rug(b: &mut Builder, d: &mut Dice, w: f32, depth: f32) {
 pub(crate) fn plant_radius(h: f32) -> f32 {
     ((h - 0.3) * 0.45).clamp(0.2, 0.36)
 }
-

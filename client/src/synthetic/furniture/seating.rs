@@ -41,7 +41,8 @@ pub(crate) fn chair(b: &mut Builder, style: u64) {
 pub(crate) fn stool(b: &mut Builder, d: &mut Dice) {
     let wood = d.wood();
     let seat = Texture::Weave { a: d.bright(), b: d.fabric_colour() };
-    let profile = [(0.0, 0.4), (0.17, 0.4), (0.185, 0.42), (0.18, 0.46), (0.14, 0.475), (0.0, 0.478)];
+    let profile =
+        [(0.0, 0.4), (0.17, 0.4), (0.185, 0.42), (0.18, 0.46), (0.14, 0.475), (0.0, 0.478)];
     b.lathe(V3::ZERO, &profile, matt(seat));
     for i in 0..4 {
         let (s, c) = (0.785 + i as f32 * std::f32::consts::FRAC_PI_2).sin_cos();
@@ -111,7 +112,12 @@ pub(crate) fn bed(b: &mut Builder, d: &mut Dice, w: f32) {
     b.slab(v(0.0, -length / 2.0, 0.5), v(w + 0.06, 0.05, 0.9), 0.02, shiny(wood.along(0), 0.2));
     b.slab(v(0.0, length / 2.0, 0.24), v(w + 0.06, 0.05, 0.42), 0.02, shiny(wood.along(0), 0.2));
     b.slab(v(0.0, 0.0, 0.2), v(w, length, 0.14), 0.01, shiny(wood.along(1), 0.2));
-    b.slab(v(0.0, 0.0, 0.36), v(w - 0.04, length - 0.06, 0.2), 0.07, matt(Texture::Plain(rgb(0xe6e2d8))));
+    b.slab(
+        v(0.0, 0.0, 0.36),
+        v(w - 0.04, length - 0.06, 0.2),
+        0.07,
+        matt(Texture::Plain(rgb(0xe6e2d8))),
+    );
     b.slab(v(0.0, 0.28, 0.37), v(w + 0.01, length * 0.68, 0.25), 0.06, matt(blanket));
     let pillows = if w > 1.3 { 2 } else { 1 };
     for i in 0..pillows {

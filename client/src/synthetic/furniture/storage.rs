@@ -52,7 +52,12 @@ fn book_row(b: &mut Builder, d: &mut Dice, w: f32, room: f32) {
 }
 
 /// Doors or drawers with knobs on the front of a carcass.
-fn fronts(b: &mut Builder, body: (f32, f32, f32, f32), columns: usize, faces: (Material, Material)) {
+fn fronts(
+    b: &mut Builder,
+    body: (f32, f32, f32, f32),
+    columns: usize,
+    faces: (Material, Material),
+) {
     let (w, y, low, high) = body;
     let each = (w - 0.02) / columns as f32;
     for i in 0..columns {
@@ -61,7 +66,11 @@ fn fronts(b: &mut Builder, body: (f32, f32, f32, f32), columns: usize, faces: (M
         b.slab(v(x, y + 0.008, cz), v(each - 0.012, 0.02, tall - 0.012), 0.006, faces.0);
         b.slab(v(x, y + 0.014, cz), v(each - 0.12, 0.018, (tall - 0.12).max(0.04)), 0.006, faces.0);
         let side = if i % 2 == 0 { 1.0 } else { -1.0 };
-        let knob = if tall > 0.3 { v(x + side * (each / 2.0 - 0.035), y + 0.03, cz) } else { v(x, y + 0.036, cz) };
+        let knob = if tall > 0.3 {
+            v(x + side * (each / 2.0 - 0.035), y + 0.03, cz)
+        } else {
+            v(x, y + 0.036, cz)
+        };
         b.ball(knob, v(0.014, 0.014, 0.014), faces.1);
     }
 }
@@ -74,7 +83,12 @@ pub(crate) fn cabinet(b: &mut Builder, d: &mut Dice, [w, depth, h]: [f32; 3]) {
     let knob = shiny(Texture::Metal(rgb(d.pick(&[0xc8a860, 0xb0b4b8, 0x2a2a2c]))), 0.6);
     b.slab(v(0.0, 0.0, h / 2.0 + 0.03), v(w, depth, h - 0.06), 0.008, face(0));
     b.slab(v(0.0, 0.0, h - 0.012), v(w + 0.03, depth + 0.03, 0.025), 0.008, face(0));
-    b.slab(v(0.0, -0.02, 0.03), v(w - 0.06, depth - 0.06, 0.06), 0.0, matt(Texture::Plain(rgb(0x2a2420))));
+    b.slab(
+        v(0.0, -0.02, 0.03),
+        v(w - 0.06, depth - 0.06, 0.06),
+        0.0,
+        matt(Texture::Plain(rgb(0x2a2420))),
+    );
     let columns = ((w / 0.42) as usize).max(1);
     let split = if h > 1.2 { h - 0.04 } else { h - 0.26 };
     fronts(b, (w, depth / 2.0, 0.09, split), columns, (face(2), knob));

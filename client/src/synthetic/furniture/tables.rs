@@ -17,10 +17,22 @@ pub(crate) fn table(b: &mut Builder, d: &mut Dice, w: f32, depth: f32) {
     let frame = |axis| shiny(wood.along(axis), 0.3);
     if w == depth {
         let r = w / 2.0;
-        let plate =
-            [(0.0, top - 0.035), (r - 0.02, top - 0.035), (r, top - 0.018), (r - 0.008, top), (0.0, top)];
+        let plate = [
+            (0.0, top - 0.035),
+            (r - 0.02, top - 0.035),
+            (r, top - 0.018),
+            (r - 0.008, top),
+            (0.0, top),
+        ];
         b.lathe(V3::ZERO, &plate, frame(0));
-        let foot = [(0.28, 0.0), (0.28, 0.03), (0.1, 0.08), (0.055, 0.2), (0.05, 0.5), (0.12, top - 0.036)];
+        let foot = [
+            (0.28, 0.0),
+            (0.28, 0.03),
+            (0.1, 0.08),
+            (0.055, 0.2),
+            (0.05, 0.5),
+            (0.12, top - 0.036),
+        ];
         b.lathe(V3::ZERO, &foot, frame(2));
         return;
     }
@@ -83,9 +95,11 @@ pub(crate) fn bottle(b: &mut Builder, d: &mut Dice) {
 /// A bowl 0.26 m wide with apples in it; the apples are objects of their own.
 pub(crate) fn bowl(b: &mut Builder, d: &mut Dice) {
     let glaze = shiny(ceramic(d), 0.5);
-    let outside = [(0.0, 0.0), (0.05, 0.0), (0.055, 0.01), (0.1, 0.04), (0.125, 0.085), (0.13, 0.1)];
+    let outside =
+        [(0.0, 0.0), (0.05, 0.0), (0.055, 0.01), (0.1, 0.04), (0.125, 0.085), (0.13, 0.1)];
     b.lathe(V3::ZERO, &outside, glaze);
-    let inside = [(0.13, 0.1), (0.124, 0.098), (0.118, 0.082), (0.094, 0.045), (0.05, 0.018), (0.0, 0.016)];
+    let inside =
+        [(0.13, 0.1), (0.124, 0.098), (0.118, 0.082), (0.094, 0.045), (0.05, 0.018), (0.0, 0.016)];
     b.lathe(V3::ZERO, &inside, glaze);
     let skin = rgb(d.pick(&[0xb8281c, 0x8aa828, 0xd8a020]));
     for i in 0..4 {
@@ -96,10 +110,21 @@ pub(crate) fn bowl(b: &mut Builder, d: &mut Dice) {
 }
 
 fn apple(b: &mut Builder, skin: V3) {
-    let profile =
-        [(0.0, 0.004), (0.018, 0.0), (0.034, 0.014), (0.041, 0.038), (0.036, 0.062), (0.018, 0.072), (0.0, 0.062)];
+    let profile = [
+        (0.0, 0.004),
+        (0.018, 0.0),
+        (0.034, 0.014),
+        (0.041, 0.038),
+        (0.036, 0.062),
+        (0.018, 0.072),
+        (0.0, 0.062),
+    ];
     b.lathe(V3::ZERO, &profile, shiny(Texture::Weave { a: skin, b: skin * 0.7 }, 0.4));
-    b.tube(&[v(0.0, 0.0, 0.06), v(0.004, 0.002, 0.085)], 0.003, matt(Texture::Plain(rgb(0x4a3018))));
+    b.tube(
+        &[v(0.0, 0.0, 0.06), v(0.004, 0.002, 0.085)],
+        0.003,
+        matt(Texture::Plain(rgb(0x4a3018))),
+    );
 }
 
 /// A vase 0.24 to 0.3 m high with a few flowers.
@@ -125,7 +150,11 @@ pub(crate) fn vase(b: &mut Builder, d: &mut Dice) {
         let tip = v(c * lean, s * lean, h + 0.07 + 0.02 * (i % 3) as f32);
         b.tube(&[v(0.0, 0.0, h * 0.8), tip], 0.003, matt(Texture::Plain(rgb(0x3c6a2c))));
         b.ball(tip, v(0.026, 0.026, 0.018), petals);
-        b.ball(tip + v(0.0, 0.0, 0.012), v(0.009, 0.009, 0.009), matt(Texture::Plain(rgb(0xf0c830))));
+        b.ball(
+            tip + v(0.0, 0.0, 0.012),
+            v(0.009, 0.009, 0.009),
+            matt(Texture::Plain(rgb(0xf0c830))),
+        );
     }
 }
 
@@ -137,7 +166,12 @@ pub(crate) fn laptop(b: &mut Builder, d: &mut Dice) {
     let keys = matt(Texture::Printed(Print::Keyboard));
     // Typed at from +y: the keyboard's right is −x.
     b.panel(v(0.15, 0.0, 0.0187), v(-0.3, 0.0, 0.0), v(0.0, -0.1, 0.0), keys);
-    b.panel(v(0.05, 0.1, 0.0187), v(-0.1, 0.0, 0.0), v(0.0, -0.08, 0.0), matt(Texture::Plain(rgb(0x85888c))));
+    b.panel(
+        v(0.05, 0.1, 0.0187),
+        v(-0.1, 0.0, 0.0),
+        v(0.0, -0.08, 0.0),
+        matt(Texture::Plain(rgb(0x85888c))),
+    );
     b.within(Placement::tilted(v(0.0, -depth / 2.0 + 0.004, 0.018), 0.3), |b| {
         b.slab(v(0.0, -0.004, tall / 2.0), v(w, 0.009, tall), 0.004, shell);
         let bezel = matt(Texture::Plain(rgb(0x101214)));
@@ -152,14 +186,25 @@ pub(crate) fn laptop(b: &mut Builder, d: &mut Dice) {
 pub(crate) fn books_lying(b: &mut Builder, d: &mut Dice) {
     let mut z = 0.0;
     for _ in 0..d.count(1, 3) {
-        let (w, depth, thick) = (d.between(0.19, 0.24), d.between(0.14, 0.17), d.between(0.025, 0.045));
+        let (w, depth, thick) =
+            (d.between(0.19, 0.24), d.between(0.14, 0.17), d.between(0.025, 0.045));
         let cover = d.bright();
         let turn = d.between(-0.3, 0.3);
         b.within(Placement::upright(v(0.0, 0.0, z), turn), |b| {
-            b.slab(v(0.0, 0.0, thick / 2.0), v(w, depth, thick), 0.003, matt(Texture::Plaster(cover)));
+            b.slab(
+                v(0.0, 0.0, thick / 2.0),
+                v(w, depth, thick),
+                0.003,
+                matt(Texture::Plaster(cover)),
+            );
             let pages = matt(Texture::Printed(Print::Pages));
             let (x, y) = (w / 2.0, depth / 2.0 + 0.001);
-            b.panel(v(x - 0.01, y, 0.004), v(0.01 - 2.0 * x, 0.0, 0.0), v(0.0, 0.0, thick - 0.008), pages);
+            b.panel(
+                v(x - 0.01, y, 0.004),
+                v(0.01 - 2.0 * x, 0.0, 0.0),
+                v(0.0, 0.0, thick - 0.008),
+                pages,
+            );
             let spine = Print::Spine { cover, seed: d.variant() };
             let print = matt(Texture::Printed(spine));
             b.panel(v(-x, -y, 0.0), v(0.0, 0.0, thick), v(2.0 * x, 0.0, 0.0), print);

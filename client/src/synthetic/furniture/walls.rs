@@ -22,7 +22,8 @@ fn frame(b: &mut Builder, [w, h]: [f32; 2], [bar, thick]: [f32; 2], material: Ma
 pub(crate) fn door(b: &mut Builder, d: &mut Dice) {
     let (w, h) = (0.9, 2.03);
     let wood = d.wood();
-    let painted = d.chance(0.4).then(|| Texture::Plaster(rgb(d.pick(&[0xe8e4d8, 0x5a7a80, 0x9a4034]))));
+    let painted =
+        d.chance(0.4).then(|| Texture::Plaster(rgb(d.pick(&[0xe8e4d8, 0x5a7a80, 0x9a4034]))));
     let face = shiny(painted.unwrap_or(wood.along(2)), 0.2);
     frame(b, [w, h], [0.08, 0.05], shiny(Texture::Plaster(rgb(0xe8e4d8)), 0.1));
     b.slab(v(0.0, 0.012, 0.0), v(w, 0.03, h), 0.003, face);

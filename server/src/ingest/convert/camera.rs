@@ -69,8 +69,9 @@ pub fn pose(field: &str, wxyz: [f64; 4], translation: [f64; 3]) -> Result<Isomet
     let [w, x, y, z] = wxyz;
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
+    let is_unit = (norm - 1.0).abs() <= RIGID_TOLERANCE;
     // Phrased so that a NaN is refused.
-    if !((norm - 1.0).abs() <= RIGID_TOLERANCE) {
+    if !is_unit {
         let reason = format!("expected a quaternion (w, x, y, z) of length 1, found length {norm}");
         return Err(Refusal::new(format!("{field}.rotation"), reason));
     }

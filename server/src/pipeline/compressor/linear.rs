@@ -24,8 +24,8 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// Before any keyframe: the first axes. `tolerance`: the share of the squared length of all codes
-    /// seen that must be lost, beyond what the best basis loses, before the basis moves.
+    /// Before any keyframe: the first axes. `tolerance`: the share of the squared length of all
+    /// codes seen that must be lost, beyond what the best basis loses, before the basis moves.
     pub fn new(code_size: usize, tolerance: f64) -> Self {
         let mut basis = vec![0.0; code_size * GENERIC];
         for axis in 0..code_size {

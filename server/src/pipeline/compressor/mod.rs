@@ -1,8 +1,9 @@
 //! Two-stage compression of language features (paper §3.2, "Two-Stage Online CLIP Compression").
 //!
-//! The first stage (D -> 32) is pre-trained and part of the bundle; the second (32 -> 15) is learned
-//! while the robot drives, behind [`OnlineStage`]. A keyframe keeps its 32-D codes as the truth;
-//! every 15-D code belongs to a version of the online stage and is carried over when it advances.
+//! The first stage (D -> 32) is pre-trained and part of the bundle; the second (32 -> 15) is
+//! learned while the robot drives, behind [`OnlineStage`]. A keyframe keeps its 32-D codes as the
+//! truth; every 15-D code belongs to a version of the online stage and is carried over when it
+//! advances.
 
 pub mod generic;
 mod linear;
@@ -114,7 +115,8 @@ pub fn carry_over(old: &dyn OnlineStage, new: &dyn OnlineStage, codes: &mut [f32
     }
 }
 
-/// Makes every row unit length; rows that are next to zero stay as they are, so nothing becomes NaN.
+/// Makes every row unit length; rows that are next to zero stay as they are, so nothing becomes
+/// NaN.
 pub(crate) fn normalise_rows(rows: &mut [f32], channels: usize) {
     for row in rows.chunks_exact_mut(channels) {
         let length = row.iter().map(|value| value * value).sum::<f32>().sqrt();

@@ -1,11 +1,12 @@
-//! From a keyframe's colours to language: the image encoder (paper §3.2) and the thread on which it,
-//! the [`super::srd`] and the generic compressor run.
+//! From a keyframe's colours to language: the image encoder (paper §3.2) and the thread on which
+//! it, the [`super::srd`] and the generic compressor run.
 //!
 //! In: [`Frame`]s. Out: [`LanguageMap`]s, one generic code for each cell of the bundle's grid. The
 //! thread owns the networks and never holds geometry up: its queue is bounded and a full one gives
 //! the frame back.
 
 mod prepare;
+mod resample;
 mod thread;
 
 pub use thread::LanguageThread;

@@ -1,12 +1,10 @@
 //! An image as a network wants it: size, channel order and normalisation of the bundle's manifest.
 //!
-//! In: `[height * width * 3]` RGB, 8 bit. Out: planes `[3, height, width]`. Shrinking averages over
-//! what it drops (triangle filter), as the networks' training did.
+//! In: `[height * width * 3]` RGB, 8 bit. Out: planes `[3, height, width]`.
 
 use super::super::frame::Frame;
 use super::super::network::{ChannelOrder, Fit, ImageSpec};
-use image::imageops::{FilterType, resize};
-use image::{ImageBuffer, Rgb};
+use super::resample::resample;
 
 /// What goes into the encoder.
 pub(super) struct Prepared {
@@ -18,18 +16,9 @@ pub(super) struct Prepared {
 
 /// Scales, orders and normalises.
 pub(super) fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
-    let (from_width, from_height) = (frame.intrinsics.width, frame.intrinsics.height);
-    let (width, height) = fitted(from_width as usize, from_height as usize, spec);
-    let source: ImageBuffer<Rgb<u8>, &[u8]> =
-        ImageBuffer::from_raw(from_width, from_height, &frame.rgb[..])
-            .expect("a checked frame has as many pixels as its intrinsics say");
-    let scaled;
-    let pixels: &[u8] = if (width, height) == (from_width as usize, from_height as usize) {
-        &frame.rgb
-    } else {
-        scaled = resize(&source, width as u32, height as u32, FilterType::Triangle);
-        scaled.as_raw()
-    };
+    let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
+    let (width, height) = fitted(from, spec);
+    let pixels = resample(&frame.rgb, from, (width, height));
     // Padding is the mean, which is zero once normalised.
     let mut planes = vec![0.0; 3 * spec.height * spec.width];
     for (channel, plane) in planes.chunks_exact_mut(spec.height * spec.width).enumerate() {
@@ -41,7 +30,7 @@ pub(super) fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
         for (row, pixels) in plane.chunks_exact_mut(spec.width).zip(pixels.chunks_exact(3 * width))
         {
             for (value, pixel) in row.iter_mut().zip(pixels.chunks_exact(3)) {
-                *value = (f32::from(pixel[source_channel]) - mean) * scale;
+                *value = (pixel[source_channel] - mean) * scale;
             }
         }
     }
@@ -50,7 +39,7 @@ pub(super) fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
 }
 
 /// The size that the image gets within the network's.
-fn fitted(width: usize, height: usize, spec: &ImageSpec) -> (usize, usize) {
+fn fitted((width, height): (usize, usize), spec: &ImageSpec) -> (usize, usize) {
     match spec.fit {
         Fit::Squash => (spec.width, spec.height),
         Fit::Pad => {

@@ -13,7 +13,8 @@ struct Job {
     reply: Reply,
 }
 
-/// A handle to the thread "language". Dropping it lets the thread finish its queue and waits for it.
+/// A handle to the thread "language". Dropping it lets the thread finish its queue and waits for
+/// it.
 pub struct LanguageThread {
     /// `None` only while dropping.
     queue: Option<SyncSender<Job>>,
@@ -69,7 +70,7 @@ fn work(mut vision: Vision, jobs: &Receiver<Job>) {
     while let Ok(Job { frame, reply }) = jobs.recv() {
         let result = vision.run(&frame);
         if let Ok(map) = &result {
-            tracing::debug!(sequence = frame.sequence, timing = ?map.timing, "language of a keyframe");
+            tracing::debug!(sequence = frame.sequence, timing = ?map.timing, "keyframe read");
         }
         reply(result.map_err(|error| error.to_string()));
     }

@@ -1,9 +1,9 @@
 //! The bundle of networks (paper §3.2): a folder with `manifest.toml` and ONNX files.
 //!
-//! In: the folder. Out: [`VisionNetworks`] for the language thread and [`TextNetworks`] for the query
-//! thread, checked against the manifest: files by SHA-256, tensors by name, type and shape, and one
-//! run of every chain. The server knows no architecture, only the manifest. This folder is the only
-//! place that names `ort`.
+//! In: the folder. Out: [`VisionNetworks`] for the language thread and [`TextNetworks`] for the
+//! query thread, checked against the manifest: files by SHA-256, tensors by name, type and shape,
+//! and one run of every chain. The server knows no architecture, only the manifest. This folder is
+//! the only place that names `ort`.
 
 mod find;
 mod manifest;

@@ -1,8 +1,8 @@
 //! ONNX Runtime, loaded at run time: a [`Network`] is one ONNX file with named inputs and outputs.
 //!
 //! In: the bytes of a checked file. Out: tensors. Tensors pass from one network to the next without
-//! a copy. Types and shapes are checked when a file is loaded (where the graph declares them) and at
-//! every run.
+//! a copy. Types and shapes are checked when a file is loaded (where the graph declares them) and
+//! at every run.
 
 use ort::session::{Session, SessionInputValue};
 use ort::value::{DynValue, TensorElementType, ValueType};

@@ -9,9 +9,10 @@ pub struct Answer {
     pub revision: u64,
     /// Whether what was asked for is there.
     pub present: bool,
-    /// How sure that is, 0..1.
+    /// How sure it is that it is there, 0..1; `present` is one half or more.
     pub confidence: f32,
-    /// How much of what was asked about has language in it, 0..1: "never seen" is not "seen, absent".
+    /// How much of what was asked about has language in it, 0..1: "never seen" is not "seen,
+    /// absent".
     pub coverage: f32,
     /// The relevancy above which something counted.
     pub threshold: f32,

@@ -1,8 +1,8 @@
 //! Relevant Gaussians to objects: dense places that hang together.
 //!
-//! DBSCAN (Ester et al. 1996) on a grid of voxels: a voxel is dense if it and its 26 neighbours hold
-//! enough points; dense voxels that touch are one cluster; others join a dense neighbour, or are
-//! floaters and belong to nothing.
+//! DBSCAN (Ester et al. 1996) on a grid of voxels: a voxel is dense if it and its 26 neighbours
+//! hold enough points; dense voxels that touch are one cluster; others join a dense neighbour, or
+//! are floaters and belong to nothing.
 
 use super::answer::{Object, ScoredPoint};
 use super::boxes;

@@ -1,8 +1,8 @@
 //! A question about one view: codes are rendered small, decoded, compared with the words, and the
 //! relevancy is brought to the view's size (paper §3.4).
 //!
-//! Codes are rendered at about label resolution: the paper's labels are no finer, and decoding costs
-//! as much as there are pixels.
+//! Codes are rendered at about label resolution: the paper's labels are no finer, and decoding
+//! costs as much as there are pixels.
 
 use super::relevancy::{Comparison, Plane};
 use super::scene::Scene;

@@ -1,8 +1,8 @@
 //! The paper's online auto-encoder: 32-24-15-24-32 (§3.2, "Online Language AutoEncoder").
 //!
-//! The first keyframes train it for some hundred steps; then each keyframe gets one step, and so do a
-//! few earlier ones, drawn at random, against forgetting. A bounded sample of every keyframe is kept,
-//! of at most [`KEPT_KEYFRAMES`] keyframes.
+//! The first keyframes train it for some hundred steps; then each keyframe gets one step, and so do
+//! a few earlier ones, drawn at random, against forgetting. A bounded sample of every keyframe is
+//! kept, of at most [`KEPT_KEYFRAMES`] keyframes.
 
 mod net;
 
@@ -15,7 +15,8 @@ use std::sync::Arc;
 
 /// Codes kept of a keyframe, spread evenly over it.
 const SAMPLED_CODES: usize = 1024;
-/// Keyframes of which a sample is kept; later ones replace random earlier ones (reservoir sampling).
+/// Keyframes of which a sample is kept; later ones replace random earlier ones (reservoir
+/// sampling).
 const KEPT_KEYFRAMES: usize = 256;
 /// Rows that one core encodes or decodes at a time.
 const BATCH: usize = 2048;

@@ -1,8 +1,8 @@
 //! The auto-encoder's mathematics: four linear layers, forward and back, and Adam. In f64: it is
 //! small, and its gradients can be compared with differences.
 //!
-//! 32 -> 24 -> ReLU -> k -> unit | unit -> 24 -> ReLU -> 32 -> unit. Loss: mean |x - y| over entries
-//! plus 0.6 (1 - cos(x, y)) over rows (paper eq. 4).
+//! 32 -> 24 -> ReLU -> k -> unit | unit -> 24 -> ReLU -> 32 -> unit. Loss: mean |x - y| over
+//! entries plus 0.6 (1 - cos(x, y)) over rows (paper eq. 4).
 
 use super::super::GENERIC;
 use rand::Rng;
@@ -265,8 +265,8 @@ mod tests {
         unit(&rows, GENERIC)
     }
 
-    /// Greatest difference between the gradient and central differences of the loss, relative to the
-    /// gradient's greatest entry.
+    /// Greatest difference between the gradient and central differences of the loss, relative to
+    /// the gradient's greatest entry.
     fn worst(net: &Net, rows: &[f64], gradient: &[f64]) -> f64 {
         let step = 1e-6;
         let largest = gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));

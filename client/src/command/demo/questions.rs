@@ -1,0 +1,182 @@
+//! Which five questions the demonstration asks, and about which frames. In: ground-truth masks of
+//! keyframes, or the kind of data set. Out: words, with the frame that shows the thing best where
+//! that is known. Pure: the same masks give the same questions.
+
+use lexsplat_client::dataset::{DatasetSpec, Instance, Mask};
+use std::cmp::Reverse;
+use std::collections::HashMap;
+
+/// How many questions are asked.
+pub const QUESTIONS: usize = 5;
+/// A thing that fills this share of a frame is seen well.
+const SALIENT_SHARE: f64 = 0.01;
+/// Keyframes that are tried for a question when nobody knows where the thing is.
+const TRIED_FRAMES: usize = 8;
+
+/// What is asked for first if it is seen well: things that people look for, of different sizes.
+const PREFERRED: [&str; 16] = [
+    "sofa",
+    "chair",
+    "potted plant",
+    "laptop",
+    "lamp",
+    "television",
+    "bookcase",
+    "table",
+    "teddy bear",
+    "bed",
+    "door",
+    "bottle",
+    "bowl",
+    "stool",
+    "picture",
+    "window",
+];
+const IN_SEVEN_SCENES: [&str; QUESTIONS] = ["chair", "table", "cup", "book", "screen"];
+const ANYWHERE: [&str; QUESTIONS] = ["sofa", "chair", "table", "lamp", "potted plant"];
+
+/// The frame that shows most of a class.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sight {
+    /// What is seen.
+    pub class: String,
+    /// Position of the frame in the data set.
+    pub index: usize,
+    /// Pixels of the class in it.
+    pub pixels: usize,
+    /// Pixels of the frame.
+    pub of: usize,
+}
+
+impl Sight {
+    fn is_salient(&self) -> bool {
+        self.pixels as f64 >= SALIENT_SHARE * self.of as f64
+    }
+}
+
+/// Enters one frame's mask: keeps for each class the sight with most pixels; of equals the first.
+pub fn look(sights: &mut Vec<Sight>, instances: &[Instance], index: usize, mask: &Mask) {
+    let class_of: HashMap<u16, &str> =
+        instances.iter().map(|instance| (instance.id, instance.class.as_str())).collect();
+    let mut pixels: HashMap<&str, usize> = HashMap::new();
+    for class in mask.ids.iter().filter_map(|id| class_of.get(id)) {
+        *pixels.entry(class).or_default() += 1;
+    }
+    for (class, pixels) in pixels {
+        let sight = Sight { class: class.to_owned(), index, pixels, of: mask.ids.len() };
+        match sights.iter_mut().find(|known| known.class == class) {
+            Some(known) if known.pixels < pixels => *known = sight,
+            Some(_) => {}
+            None => sights.push(sight),
+        }
+    }
+}
+
+/// The classes to ask for: of those that are seen well the preferred first, then the largest.
+pub fn choose(mut sights: Vec<Sight>, classes: &[String]) -> Vec<Sight> {
+    sights.retain(|sight| classes.contains(&sight.class));
+    sights.sort_by_cached_key(|sight| {
+        let rank = match sight.is_salient() {
+            true => PREFERRED.iter().position(|class| *class == sight.class),
+            false => None,
+        };
+        let rank = rank.unwrap_or(PREFERRED.len());
+        (!sight.is_salient(), rank, Reverse(sight.pixels), sight.class.clone())
+    });
+    sights.truncate(QUESTIONS);
+    sights
+}
+
+/// What is asked of a data set without ground truth.
+pub fn usual(kind: &DatasetSpec) -> Vec<String> {
+    let words = match kind {
+        DatasetSpec::SevenScenes(_) => IN_SEVEN_SCENES,
+        _ => ANYWHERE,
+    };
+    words.map(str::to_owned).to_vec()
+}
+
+/// Up to eight of a list, evenly spread, with the first and the last.
+pub fn spread<T: Copy>(all: &[T]) -> Vec<T> {
+    if all.len() <= TRIED_FRAMES {
+        return all.to_vec();
+    }
+    (0..TRIED_FRAMES).map(|step| all[step * (all.len() - 1) / (TRIED_FRAMES - 1)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sight(class: &str, pixels: usize) -> Sight {
+        Sight { class: class.into(), index: 0, pixels, of: 1000 }
+    }
+
+    fn chosen(sights: &[(&str, usize)]) -> Vec<String> {
+        let classes: Vec<String> =
+            sights.iter().map(|(class, _)| (*class).into()).filter(|c| c != "wall").collect();
+        let sights = sights.iter().map(|(class, pixels)| sight(class, *pixels)).collect();
+        choose(sights, &classes).into_iter().map(|sight| sight.class).collect()
+    }
+
+    #[test]
+    fn the_best_frame_of_a_class_counts_all_its_instances() {
+        let instance = |id: u16, class: &str| Instance {
+            id,
+            name: format!("{class}_{id}"),
+            class: class.into(),
+            aabb_min: [0.0; 3],
+            aabb_max: [1.0; 3],
+        };
+        let instances = [instance(1, "chair"), instance(2, "chair"), instance(3, "lamp")];
+        let mask = |ids: &[u16]| Mask { width: 4, height: 1, ids: ids.to_vec() };
+        let mut sights = Vec::new();
+        look(&mut sights, &instances, 10, &mask(&[1, 1, 0, 3]));
+        look(&mut sights, &instances, 20, &mask(&[1, 2, 1, 3]));
+        look(&mut sights, &instances, 30, &mask(&[2, 2, 2, 9]));
+        let of = |class: &str| sights.iter().find(|sight| sight.class == class).unwrap();
+        assert_eq!((of("chair").index, of("chair").pixels, of("chair").of), (20, 3, 4));
+        assert_eq!((of("lamp").index, of("lamp").pixels), (10, 1));
+        assert_eq!(sights.len(), 2, "id 9 is nothing");
+    }
+
+    #[test]
+    fn preferred_things_come_first_if_they_are_seen_well() {
+        let all = [
+            ("wall", 900),
+            ("rug", 300),
+            ("chair", 20),
+            ("cabinet", 200),
+            ("sofa", 9),
+            ("laptop", 10),
+            ("lamp", 50),
+            ("ball", 200),
+        ];
+        assert_eq!(chosen(&all), ["chair", "laptop", "lamp", "rug", "ball"]);
+        let mut turned = all;
+        turned.reverse();
+        assert_eq!(chosen(&turned), chosen(&all), "whatever the order");
+        let better = all.map(|(class, n)| (class, if class == "sofa" { 10 } else { n }));
+        assert_eq!(chosen(&better)[0], "sofa");
+    }
+
+    #[test]
+    fn small_things_fill_up_by_size() {
+        assert_eq!(chosen(&[("sofa", 2), ("mug", 3), ("ball", 100)]), ["ball", "mug", "sofa"]);
+        assert!(chosen(&[("wall", 500)]).is_empty());
+    }
+
+    #[test]
+    fn frames_are_spread_from_first_to_last() {
+        assert_eq!(spread(&[4, 5, 6]), [4, 5, 6]);
+        let all: Vec<u64> = (0..71).collect();
+        assert_eq!(spread(&all), [0, 10, 20, 30, 40, 50, 60, 70]);
+        assert!(spread::<u64>(&[]).is_empty());
+    }
+
+    #[test]
+    fn data_sets_have_their_usual_questions() {
+        assert!(usual(&DatasetSpec::SevenScenes("chess".into())).contains(&"screen".into()));
+        assert!(!usual(&DatasetSpec::Tum("desk".into())).contains(&"screen".into()));
+    }
+}

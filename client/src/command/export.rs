@@ -1,0 +1,128 @@
+//! `lexsplat export`: saves a map as a file.
+
+use anyhow::{Context as _, Result};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use lexsplat_client::http::HttpClient;
+use std::path::{Path, PathBuf};
+
+/// Save a map as a file
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  lexsplat export --map kitchen --format ply kitchen.ply")]
+pub struct Export {
+    /// The map
+    #[arg(long, value_name = "NAME")]
+    map: String,
+    /// What to write
+    #[arg(long, value_enum)]
+    format: Format,
+    /// Where the server answers HTTP
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
+    http: String,
+    /// The file to write; an old one is replaced
+    file: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Gaussians as splat viewers read them
+    Ply,
+    /// Centres of the Gaussians with their colours, as PLY
+    Points,
+    /// Camera poses: timestamp tx ty tz qx qy qz qw
+    Tum,
+    /// Gaussians, compressed
+    Spz,
+    /// Gaussians in glTF
+    Glb,
+    /// Triangles, as PLY
+    Mesh,
+}
+
+impl Format {
+    /// What the server calls it; none for what it has a route of its own for.
+    fn file(self) -> Option<&'static str> {
+        match self {
+            Self::Ply => Some("splats.ply"),
+            Self::Points => Some("points.ply"),
+            Self::Spz => Some("splats.spz"),
+            Self::Glb => Some("splats.glb"),
+            Self::Mesh => Some("mesh.ply"),
+            Self::Tum => None,
+        }
+    }
+}
+
+/// Runs the command.
+pub async fn run(arguments: &Export) -> Result<()> {
+    let Export { map, format, http, file } = arguments;
+    let client = HttpClient::new(http)?;
+    let bytes = match format.file() {
+        Some(name) => download(&client, map, name).await?,
+        None => client.trajectory(map).await?,
+    };
+    save(file, &bytes)?;
+    println!("wrote {} ({:.1} MB)", file.display(), bytes.len() as f64 / 1e6);
+    Ok(())
+}
+
+async fn download(client: &HttpClient, map: &str, name: &str) -> Result<Vec<u8>> {
+    let bar = ProgressBar::new(0);
+    bar.set_style(ProgressStyle::with_template("{bar:30} {bytes}/{total_bytes}  {bytes_per_sec}")?);
+    let progress = |done: u64, total: Option<u64>| {
+        bar.set_length(total.unwrap_or(done));
+        bar.set_position(done);
+    };
+    let bytes = client.export(map, name, progress).await;
+    bar.finish_and_clear();
+    Ok(bytes?)
+}
+
+/// Writes beside the file first, so that there is never half of one.
+fn save(file: &Path, bytes: &[u8]) -> Result<()> {
+    let mut part = file.to_path_buf().into_os_string();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    std::fs::write(&part, bytes)
+        .and_then(|()| std::fs::rename(&part, file))
+        .with_context(|| format!("cannot write {}", file.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        export: Export,
+    }
+
+    #[test]
+    fn formats_are_read_and_others_are_not() {
+        let file = |format: &str| {
+            let line = ["export", "--map", "m", "--format", format, "out"];
+            Line::try_parse_from(line).map(|line| line.export.format.file())
+        };
+        assert_eq!(file("ply").unwrap(), Some("splats.ply"));
+        assert_eq!(file("mesh").unwrap(), Some("mesh.ply"));
+        assert_eq!(file("tum").unwrap(), None);
+        assert!(file("obj").is_err());
+        assert!(Line::try_parse_from(["export", "--format", "ply", "out"]).is_err(), "no map");
+    }
+
+    #[test]
+    fn files_are_whole_or_absent() {
+        let folder = std::env::temp_dir().join(format!("lexsplat-export-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("map.ply");
+        save(&file, b"old").unwrap();
+        save(&file, b"new").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"new");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is left beside it");
+        let error = save(&folder.join("no/such/map.ply"), b"").unwrap_err();
+        assert!(error.to_string().contains("map.ply"), "{error}");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,97 @@
+//! Reading files with errors that name them. Nothing here knows a layout.
+
+use super::{Color, ColorFormat, DatasetError, Depth, DepthFormat};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
+    std::fs::read(path).map_err(|source| DatasetError::File { path: path.into(), source })
+}
+
+pub(super) fn text(path: &Path) -> Result<String, DatasetError> {
+    std::fs::read_to_string(path).map_err(|source| DatasetError::File { path: path.into(), source })
+}
+
+/// The files of a folder that are called `before`, a number, `after`, by number.
+pub(super) fn numbered(
+    folder: &Path,
+    before: &str,
+    after: &[&str],
+) -> Result<BTreeMap<u64, PathBuf>, DatasetError> {
+    let failed = |source| DatasetError::File { path: folder.into(), source };
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name();
+        let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(before)) else { continue };
+        let digits = after.iter().find_map(|after| rest.strip_suffix(after));
+        if let Some(number) = digits.and_then(|digits| digits.parse().ok()) {
+            found.insert(number, entry.path());
+        }
+    }
+    Ok(found)
+}
+
+/// The last part of a path, to call a data set by.
+pub(super) fn name_of(folder: &Path) -> String {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().map_or_else(|| "dataset".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// `N` numbers, separated by white space.
+pub(super) fn numbers<const N: usize>(line: &str) -> Result<[f64; N], String> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let parsed: Vec<f64> = words
+        .iter()
+        .map(|word| word.parse().map_err(|_| format!("expected a number, found {word:?}")))
+        .collect::<Result<_, _>>()?;
+    parsed.try_into().map_err(|_| format!("expected {N} numbers, found {}", words.len()))
+}
+
+/// All lines with something on them that is not a comment, with their numbers from 1.
+pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+}
+
+/// Width and height from a picture's header.
+pub(super) fn size(path: &Path) -> Result<(u32, u32), DatasetError> {
+    let failed = |source| DatasetError::File { path: path.into(), source };
+    let reader = image::ImageReader::open(path).map_err(failed)?;
+    let reader = reader.with_guessed_format().map_err(failed)?;
+    reader.into_dimensions().map_err(|source| DatasetError::Picture { path: path.into(), source })
+}
+
+/// Refuses a picture of another size.
+pub(super) fn check_size(path: &Path, expected: (u32, u32)) -> Result<(), DatasetError> {
+    let ((width, height), (found_width, found_height)) = (expected, size(path)?);
+    if (found_width, found_height) == expected {
+        return Ok(());
+    }
+    let reason = format!("expected {width}x{height} pixels, found {found_width}x{found_height}");
+    Err(DatasetError::content(path, reason))
+}
+
+/// A colour picture, unchanged.
+pub(super) fn color(path: &Path) -> Result<Color, DatasetError> {
+    const PNG_MAGIC: &[u8] = b"\x89PNG";
+    const JPEG_MAGIC: &[u8] = b"\xff\xd8";
+    let bytes = bytes(path)?;
+    let format = match &bytes[..] {
+        b if b.starts_with(PNG_MAGIC) => ColorFormat::Png,
+        b if b.starts_with(JPEG_MAGIC) => ColorFormat::Jpeg,
+        _ => return Err(DatasetError::content(path, "expected a JPEG or PNG picture")),
+    };
+    Ok(Color { format, bytes })
+}
+
+/// A depth picture, unchanged.
+pub(super) fn depth(path: &Path) -> Result<Depth, DatasetError> {
+    Ok(Depth { format: DepthFormat::Png16, bytes: bytes(path)? })
+}
+
+/// A decoded PNG.
+pub(super) fn picture(path: &Path, bytes: &[u8]) -> Result<image::DynamicImage, DatasetError> {
+    image::load_from_memory_with_format(bytes, image::ImageFormat::Png)
+        .map_err(|source| DatasetError::Picture { path: path.into(), source })
+}

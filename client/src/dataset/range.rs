@@ -1,0 +1,89 @@
+//! A part of a data set: every `stride`-th frame from `start` up to `end`. Frames keep their numbers.
+
+use super::{Dataset, DatasetError, Instance, Intrinsics, Mask, RgbdFrame, Truth};
+use std::num::NonZeroUsize;
+
+/// Which frames to use, by position in the data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameRange {
+    /// The first position, from 0.
+    pub start: usize,
+    /// The position after the last; absent: to the end.
+    pub end: Option<usize>,
+    /// Every how many frames one is used.
+    pub stride: NonZeroUsize,
+}
+
+impl Default for FrameRange {
+    /// Everything.
+    fn default() -> Self {
+        Self { start: 0, end: None, stride: NonZeroUsize::MIN }
+    }
+}
+
+impl FrameRange {
+    /// The part of `dataset`.
+    pub(super) fn of(self, dataset: Box<dyn Dataset>) -> Result<Box<dyn Dataset>, DatasetError> {
+        if self == Self::default() {
+            return Ok(dataset);
+        }
+        let len = dataset.len();
+        let end = self.end.unwrap_or(len).min(len);
+        let indices: Vec<usize> = (self.start..end).step_by(self.stride.get()).collect();
+        if indices.is_empty() {
+            let end = self.end.map_or("the end".into(), |end| end.to_string());
+            return Err(DatasetError::Range { start: self.start, end, len });
+        }
+        Ok(Box::new(Part { dataset, indices }))
+    }
+}
+
+struct Part {
+    dataset: Box<dyn Dataset>,
+    indices: Vec<usize>,
+}
+
+impl Dataset for Part {
+    fn name(&self) -> &str {
+        self.dataset.name()
+    }
+
+    fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    fn intrinsics(&self) -> Intrinsics {
+        self.dataset.intrinsics()
+    }
+
+    fn depth_unit_metres(&self) -> f64 {
+        self.dataset.depth_unit_metres()
+    }
+
+    fn sequence(&self, index: usize) -> u64 {
+        self.dataset.sequence(self.indices[index])
+    }
+
+    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        self.dataset.frame(self.indices[index])
+    }
+
+    fn skipped(&self) -> &[String] {
+        self.dataset.skipped()
+    }
+
+    fn truth(&self) -> Option<&dyn Truth> {
+        self.dataset.truth().map(|_| self as &dyn Truth)
+    }
+}
+
+impl Truth for Part {
+    fn instances(&self) -> &[Instance] {
+        self.dataset.truth().map_or(&[], Truth::instances)
+    }
+
+    fn mask(&self, index: usize) -> Result<Mask, DatasetError> {
+        let truth = self.dataset.truth().expect("a part is offered as truth only if the whole is");
+        truth.mask(self.indices[index])
+    }
+}

@@ -1,0 +1,139 @@
+//! 7-Scenes layout: `frame-%06d.color.jpg` (or `.png`), `frame-%06d.depth.png` (millimetres; 0 and
+//! 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and optionally
+//! `camera-intrinsics.txt` (3x3; the Kinect's 585, 585, 320, 240 if missing). Numbers may have gaps:
+//! a frame keeps its number.
+
+use super::{
+    Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame, counted_nanos, files, pose,
+};
+use image::{DynamicImage, ImageEncoder, codecs::png};
+use nalgebra::Isometry3;
+use std::path::{Path, PathBuf};
+
+/// The Kinect: fx, fy, cx, cy.
+const KINECT: [f64; 4] = [585.0, 585.0, 320.0, 240.0];
+const NO_MEASUREMENT: u16 = u16::MAX;
+
+/// A sequence in 7-Scenes layout.
+pub(super) struct SevenScenes {
+    name: String,
+    intrinsics: Intrinsics,
+    frames: Vec<Entry>,
+    skipped: Vec<String>,
+}
+
+struct Entry {
+    sequence: u64,
+    color: PathBuf,
+    depth: PathBuf,
+    world_from_camera: Isometry3<f64>,
+}
+
+impl SevenScenes {
+    /// Finds the files and reads camera and poses.
+    pub(super) fn open(folder: &Path) -> Result<Self, DatasetError> {
+        let colors = files::numbered(folder, "frame-", &[".color.jpg", ".color.png"])?;
+        let mut depths = files::numbered(folder, "frame-", &[".depth.png"])?;
+        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
+        for (sequence, color) in colors {
+            let Some(depth) = depths.remove(&sequence) else {
+                let reason =
+                    format!("expected frame-{sequence:06}.depth.png beside it, found none");
+                return Err(DatasetError::content(&color, reason));
+            };
+            let path = folder.join(format!("frame-{sequence:06}.pose.txt"));
+            let matrix = files::numbers::<16>(&files::text(&path)?)
+                .map_err(|reason| DatasetError::content(&path, reason))?;
+            match pose::from_matrix(&matrix) {
+                Ok(world_from_camera) => {
+                    frames.push(Entry { sequence, color, depth, world_from_camera });
+                }
+                Err(reason) => skipped.push(DatasetError::content(&path, reason).to_string()),
+            }
+        }
+        let Some(first) = frames.first() else {
+            let reason = "expected frame-%06d.color.jpg (or .png) with a valid pose, found none; \
+                          name one sequence, such as its folder seq-01";
+            return Err(DatasetError::content(folder, reason));
+        };
+        let size = files::size(&first.color)?;
+        files::check_size(&first.depth, size)?;
+        let intrinsics = intrinsics(&folder.join("camera-intrinsics.txt"), size)?;
+        Ok(Self { name: files::name_of(folder), intrinsics, frames, skipped })
+    }
+}
+
+fn intrinsics(path: &Path, (width, height): (u32, u32)) -> Result<Intrinsics, DatasetError> {
+    let [fx, fy, cx, cy] = if path.is_file() {
+        let [fx, _, cx, _, fy, cy, _, _, _] = files::numbers::<9>(&files::text(path)?)
+            .map_err(|reason| DatasetError::content(path, reason))?;
+        [fx, fy, cx, cy]
+    } else {
+        KINECT
+    };
+    Ok(Intrinsics { width, height, fx, fy, cx, cy })
+}
+
+/// The depth picture with 0 wherever there is no measurement; unchanged if it is so already.
+fn depth(path: &Path, sequence: u64) -> Result<Depth, DatasetError> {
+    let mut depth = files::depth(path)?;
+    let mut units = match files::picture(path, &depth.bytes)? {
+        DynamicImage::ImageLuma16(units) => units,
+        other => {
+            let reason = format!("expected 16-bit grey, found {:?}", other.color());
+            return Err(DatasetError::content(path, reason));
+        }
+    };
+    if !units.contains(&NO_MEASUREMENT) {
+        return Ok(depth);
+    }
+    units.iter_mut().filter(|unit| **unit == NO_MEASUREMENT).for_each(|unit| *unit = 0);
+    // The encoder takes samples in native byte order.
+    let samples: Vec<u8> = units.iter().flat_map(|unit| unit.to_ne_bytes()).collect();
+    depth = Depth { format: DepthFormat::Png16, bytes: Vec::new() };
+    png::PngEncoder::new_with_quality(
+        &mut depth.bytes,
+        png::CompressionType::Fast,
+        png::FilterType::Adaptive,
+    )
+    .write_image(&samples, units.width(), units.height(), image::ExtendedColorType::L16)
+    .map_err(|source| DatasetError::Encode { sequence, source })?;
+    Ok(depth)
+}
+
+impl Dataset for SevenScenes {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn intrinsics(&self) -> Intrinsics {
+        self.intrinsics
+    }
+
+    fn depth_unit_metres(&self) -> f64 {
+        0.001
+    }
+
+    fn sequence(&self, index: usize) -> u64 {
+        self.frames[index].sequence
+    }
+
+    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        let entry = &self.frames[index];
+        Ok(RgbdFrame {
+            sequence: entry.sequence,
+            timestamp_nanos: counted_nanos(entry.sequence),
+            color: files::color(&entry.color)?,
+            depth: depth(&entry.depth, entry.sequence)?,
+            world_from_camera: Some(entry.world_from_camera),
+        })
+    }
+
+    fn skipped(&self) -> &[String] {
+        &self.skipped
+    }
+}

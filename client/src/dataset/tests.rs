@@ -1,0 +1,332 @@
+//! Each layout on a tiny folder, and each with a broken twin.
+
+use super::*;
+use crate::synthetic::Camera;
+use crate::synthetic::write::{Plan, write};
+use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
+use std::fs;
+use std::num::NonZeroUsize;
+use std::path::Path;
+use tempfile::TempDir;
+
+const SIZE: (u32, u32) = (24, 16);
+const IDENTITY: &str = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1";
+const NO_ROTATION: &str = "1 0 0 0 0 1.5 0 0 0 0 1 0 0 0 0 1";
+
+fn put(folder: &Path, name: &str, contents: impl AsRef<[u8]>) {
+    let path = folder.join(name);
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(path, contents).unwrap();
+}
+
+fn put_color(folder: &Path, name: &str, size: (u32, u32)) {
+    let path = folder.join(name);
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    RgbImage::from_pixel(size.0, size.1, image::Rgb([90, 120, 60])).save(path).unwrap();
+}
+
+fn put_depth(folder: &Path, name: &str, units: impl Fn(u32, u32) -> u16) {
+    let path = folder.join(name);
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    ImageBuffer::from_fn(SIZE.0, SIZE.1, |x, y| Luma([units(x, y)])).save(path).unwrap();
+}
+
+fn units(depth: &Depth) -> ImageBuffer<Luma<u16>, Vec<u16>> {
+    match image::load_from_memory(&depth.bytes).unwrap() {
+        DynamicImage::ImageLuma16(units) => units,
+        other => panic!("expected 16-bit grey, found {:?}", other.color()),
+    }
+}
+
+fn open(kind: &str, folder: &Path) -> Result<Box<dyn Dataset>, DatasetError> {
+    let spec = DatasetSpec::parse(&format!("{kind}:{}", folder.display()))?;
+    spec.open(FrameRange::default())
+}
+
+fn error(kind: &str, folder: &Path) -> String {
+    open(kind, folder).err().expect("a broken folder is refused").to_string()
+}
+
+fn range(start: usize, end: Option<usize>, stride: usize) -> FrameRange {
+    FrameRange { start, end, stride: NonZeroUsize::new(stride).unwrap() }
+}
+
+#[test]
+fn specs_are_read_and_written() {
+    for text in ["replica:a/b", "tum:a:b", "7scenes:/x", "synthetic:12"] {
+        assert_eq!(text.parse::<DatasetSpec>().unwrap().to_string(), text);
+    }
+    assert_eq!(DatasetSpec::parse("synthetic").unwrap(), DatasetSpec::Synthetic { seed: 7 });
+    for text in ["", "replica", "replica:", "synthetic:x", "scannet:a", "7scene:a"] {
+        let error = DatasetSpec::parse(text).unwrap_err().to_string();
+        assert!(error.starts_with("dataset: expected replica:PATH"), "{text}: {error}");
+    }
+    let error = DatasetSpec::parse("mcap:a").unwrap_err().to_string();
+    assert!(error.contains("mcap is not supported yet"), "{error}");
+}
+
+/// Three frames of the synthetic room in Replica layout.
+fn replica() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = Camera::new(SIZE.0, SIZE.1);
+    write(folder.path(), &Plan { seed: 3, frames: 12, every: 4, camera }, |_| ()).unwrap();
+    folder
+}
+
+#[test]
+fn a_written_room_is_read_back() {
+    let folder = replica();
+    let dataset = open("replica", folder.path()).unwrap();
+    let camera = Camera::new(SIZE.0, SIZE.1);
+    assert_eq!((dataset.len(), dataset.is_empty(), dataset.skipped().len()), (3, false, 0));
+    assert_eq!((dataset.intrinsics().fx, dataset.intrinsics().width), (camera.fx, 24));
+    assert_eq!(dataset.name(), folder.path().file_name().unwrap().to_str().unwrap());
+    let room = crate::synthetic::Room::new(3);
+    let pose = room.path(12)[8];
+    let view = room.render(&camera, &pose);
+    let frame = dataset.frame(2).unwrap();
+    assert_eq!((frame.sequence, frame.timestamp_nanos), (2, 66_666_666));
+    assert_eq!(frame.color.format, ColorFormat::Jpeg);
+    let found = frame.world_from_camera.unwrap();
+    assert!((found.translation.vector - pose.translation.vector).norm() < 1e-8);
+    assert!(found.rotation.angle_to(&pose.rotation) < 1e-7);
+    let unit = dataset.depth_unit_metres();
+    for (units, metres) in units(&frame.depth).iter().zip(&view.depth) {
+        assert!((f64::from(*units) * unit - f64::from(*metres)).abs() < unit);
+    }
+    let truth = dataset.truth().unwrap();
+    let mask = truth.mask(2).unwrap();
+    assert_eq!(mask.ids, view.instances.iter().map(|&id| id.into()).collect::<Vec<u16>>());
+    assert_ne!(mask.ids, truth.mask(0).unwrap().ids);
+    assert_eq!(truth.instances().len(), room.instances().len());
+    let classes = truth.classes();
+    assert!(classes.len() > 3 && !classes.contains(&"wall".into()), "{classes:?}");
+}
+
+#[test]
+fn a_range_keeps_numbers_and_masks() {
+    let folder = replica();
+    let spec = DatasetSpec::Replica(folder.path().into());
+    let whole = spec.open(FrameRange::default()).unwrap();
+    let part = spec.open(range(0, Some(9), 2)).unwrap();
+    assert_eq!((0..part.len()).map(|i| part.sequence(i)).collect::<Vec<_>>(), [0, 2]);
+    assert_eq!(part.frame(1).unwrap(), whole.frame(2).unwrap());
+    let mask = |dataset: &dyn Dataset, i| dataset.truth().unwrap().mask(i).unwrap();
+    assert_eq!(mask(&*part, 1), mask(&*whole, 2));
+    let error = spec.open(range(3, None, 1)).err().unwrap().to_string();
+    assert_eq!(error, "no frames from 3 to the end: the data set has 3");
+    assert!(spec.open(range(2, Some(1), 1)).is_err());
+}
+
+#[test]
+fn broken_replica_folders_name_file_and_line() {
+    let break_and_open = |change: &dyn Fn(&Path)| {
+        let folder = replica();
+        change(folder.path());
+        error("replica", folder.path())
+    };
+    let found = break_and_open(&|f| put(f, "traj.txt", format!("{IDENTITY}\n1 0 x\n")));
+    assert!(found.ends_with("traj.txt:2: expected a number, found \"x\""), "{found}");
+    let found = break_and_open(&|f| put(f, "traj.txt", format!("{IDENTITY}\n1 0 0\n")));
+    assert!(found.ends_with("traj.txt:2: expected 16 numbers, found 3"), "{found}");
+    let found = break_and_open(&|f| put(f, "traj.txt", format!("{IDENTITY}\n{IDENTITY}")));
+    assert!(found.ends_with("expected a pose for frame 2, found only 2 lines"), "{found}");
+    let found = break_and_open(&|f| fs::remove_file(f.join("results/depth000001.png")).unwrap());
+    assert!(found.contains("frame000001.jpg: expected depth000001.png"), "{found}");
+    let found = break_and_open(&|f| put_color(f, "results/frame000000.jpg", (9, 9)));
+    assert!(found.ends_with("expected 24x16 pixels, found 9x9"), "{found}");
+    let found = break_and_open(&|f| put(f, "cam_params.json", "{\"camera\":{}}"));
+    assert!(found.contains("cam_params.json: missing field"), "{found}");
+    let found = break_and_open(&|f| put(f, "instances.json", "[{\"id\":1}]"));
+    assert!(found.contains("instances.json: missing field"), "{found}");
+    let found = break_and_open(&|f| fs::remove_file(f.join("traj.txt")).unwrap());
+    assert!(found.contains("cannot read") && found.ends_with("traj.txt"), "{found}");
+}
+
+#[test]
+fn frames_with_an_invalid_pose_are_left_out_and_told() {
+    let folder = replica();
+    put(folder.path(), "traj.txt", format!("{IDENTITY}\n{NO_ROTATION}\n{IDENTITY}\n"));
+    let dataset = open("replica", folder.path()).unwrap();
+    assert_eq!((0..dataset.len()).map(|i| dataset.sequence(i)).collect::<Vec<_>>(), [0, 2]);
+    let [skipped] = dataset.skipped() else { panic!("expected one, {:?}", dataset.skipped()) };
+    assert!(skipped.contains("traj.txt:2: expected a rotation"), "{skipped}");
+    let masks = dataset.truth().unwrap();
+    let other = replica();
+    let all = open("replica", other.path()).unwrap();
+    assert_eq!(masks.mask(1).unwrap(), all.truth().unwrap().mask(2).unwrap());
+    put(folder.path(), "traj.txt", format!("{NO_ROTATION}\n").repeat(3));
+    assert!(error("replica", folder.path()).contains("with a valid pose, found none"));
+}
+
+#[test]
+fn damaged_pictures_are_told_when_read() {
+    let folder = replica();
+    let dataset = open("replica", folder.path()).unwrap();
+    put(folder.path(), "results/frame000001.jpg", "no picture");
+    let found = dataset.frame(1).unwrap_err().to_string();
+    assert!(found.ends_with("frame000001.jpg: expected a JPEG or PNG picture"), "{found}");
+    GrayImage::new(3, 3).save(folder.path().join("semantic/000001.png")).unwrap();
+    let found = dataset.truth().unwrap().mask(1).unwrap_err().to_string();
+    assert!(found.contains("expected 24x16 grey pixels of 8 or 16 bits, found 3x3"), "{found}");
+    assert!(dataset.frame(0).is_ok() && dataset.truth().unwrap().mask(0).is_ok());
+}
+
+#[test]
+fn masks_of_sixteen_bits_are_read() {
+    let folder = replica();
+    put_depth(folder.path(), "semantic/000000.png", |x, y| (x * 300 + y) as u16);
+    let dataset = open("replica", folder.path()).unwrap();
+    let mask = dataset.truth().unwrap().mask(0).unwrap();
+    assert_eq!((mask.ids[1], mask.ids[24]), (300, 1));
+}
+
+/// Frames 0, 2 and 7 in 7-Scenes layout; only frame 2 has holes of both kinds.
+fn seven_scenes() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for number in [0, 2, 7] {
+        put_color(f, &format!("frame-{number:06}.color.png"), SIZE);
+        put_depth(f, &format!("frame-{number:06}.depth.png"), |x, y| match (number, x, y) {
+            (2, 0, 0) => 65535,
+            (2, 1, 0) => 0,
+            _ => 1500 + x as u16,
+        });
+        put(f, &format!("frame-{number:06}.pose.txt"), IDENTITY.replace(" 0 0 0 1", "\n0 0 0 1"));
+    }
+    folder
+}
+
+#[test]
+fn seven_scenes_keeps_numbers_and_mends_holes() {
+    let folder = seven_scenes();
+    let dataset = open("7scenes", folder.path()).unwrap();
+    let numbers: Vec<u64> = (0..dataset.len()).map(|i| dataset.sequence(i)).collect();
+    assert_eq!((numbers, dataset.depth_unit_metres()), (vec![0, 2, 7], 0.001));
+    let camera = dataset.intrinsics();
+    assert_eq!((camera.width, camera.height, camera.fx, camera.cy), (24, 16, 585.0, 240.0));
+    let mended = units(&dataset.frame(1).unwrap().depth);
+    assert_eq!((mended[(0, 0)][0], mended[(1, 0)][0], mended[(2, 0)][0]), (0, 0, 1502));
+    let frame = dataset.frame(2).unwrap();
+    let on_disk = fs::read(folder.path().join("frame-000007.depth.png")).unwrap();
+    assert_eq!((frame.depth.bytes, frame.sequence), (on_disk, 7));
+    assert_eq!((frame.color.format, frame.timestamp_nanos), (ColorFormat::Png, 233_333_333));
+    assert!(dataset.truth().is_none());
+    put(folder.path(), "camera-intrinsics.txt", "500 0 11\n0 501 7\n0 0 1\n");
+    let camera = open("7scenes", folder.path()).unwrap().intrinsics();
+    assert_eq!([camera.fx, camera.fy, camera.cx, camera.cy], [500.0, 501.0, 11.0, 7.0]);
+}
+
+#[test]
+fn broken_seven_scenes_folders_are_refused() {
+    let folder = seven_scenes();
+    put(folder.path(), "frame-000002.pose.txt", NO_ROTATION);
+    put(folder.path(), "frame-000007.pose.txt", IDENTITY.replace('1', "NaN"));
+    let dataset = open("7scenes", folder.path()).unwrap();
+    assert_eq!((dataset.len(), dataset.skipped().len()), (1, 2));
+    assert!(dataset.skipped()[1].contains("frame-000007.pose.txt: expected finite numbers"));
+    put(folder.path(), "camera-intrinsics.txt", "500 0 11\n");
+    assert!(error("7scenes", folder.path()).ends_with("expected 9 numbers, found 3"));
+    put(folder.path(), "frame-000002.pose.txt", "1 2 3");
+    assert!(error("7scenes", folder.path()).contains("frame-000002.pose.txt: expected 16 numbers"));
+    fs::remove_file(folder.path().join("frame-000000.depth.png")).unwrap();
+    assert!(error("7scenes", folder.path()).contains("expected frame-000000.depth.png beside it"));
+    let empty = tempfile::tempdir().unwrap();
+    assert!(error("7scenes", empty.path()).contains("name one sequence"));
+}
+
+/// Four pictures; the third has no depth close by.
+fn tum(camera: &str) -> (TempDir, std::path::PathBuf) {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join(camera);
+    let stamps = ["100.000000", "100.033000", "100.066000", "100.100000"];
+    let mut list = "# timestamp filename\n".to_owned();
+    for stamp in stamps {
+        put_color(&folder, &format!("rgb/{stamp}.png"), SIZE);
+        list += &format!("{stamp} rgb/{stamp}.png\n");
+    }
+    put(&folder, "rgb.txt", &list);
+    let mut list = String::new();
+    for (i, stamp) in ["100.010000", "100.026000", "100.119000"].iter().enumerate() {
+        put_depth(&folder, &format!("depth/{stamp}.png"), |_, _| 5000 + i as u16);
+        list += &format!("{stamp} depth/{stamp}.png\n");
+    }
+    put(&folder, "depth.txt", &list);
+    let poses = "99.95 1 0 0 0 0 0 1\n100.03 2 0 0 0 0 0 1\n100.17 3 0 0 0 0 1 0\n";
+    put(&folder, "groundtruth.txt", poses);
+    (parent, folder)
+}
+
+#[test]
+fn tum_pairs_the_closest() {
+    let (_keep, folder) = tum("rgbd_dataset_freiburg2_desk");
+    let dataset = open("tum", &folder).unwrap();
+    let frames: Vec<RgbdFrame> = (0..dataset.len()).map(|i| dataset.frame(i).unwrap()).collect();
+    let found: Vec<_> = frames
+        .iter()
+        .map(|frame| {
+            let x = frame.world_from_camera.unwrap().translation.x;
+            (frame.sequence, frame.timestamp_nanos, units(&frame.depth)[(0, 0)][0], x)
+        })
+        .collect();
+    let expected = [
+        (0, 100_000_000_000, 5000, 2.0),
+        (1, 100_033_000_000, 5001, 2.0),
+        (3, 100_100_000_000, 5002, 2.0),
+    ];
+    assert_eq!(found, expected);
+    assert_eq!(dataset.intrinsics().fx, 520.9);
+    let turned = "100.1 3 0 0 0 0 1 0\n";
+    put(&folder, "groundtruth.txt", turned);
+    let dataset = open("tum", &folder).unwrap();
+    assert_eq!((dataset.len(), dataset.skipped().len()), (2, 1));
+    let angle = dataset.frame(0).unwrap().world_from_camera.unwrap().rotation.angle();
+    assert!((angle - std::f64::consts::PI).abs() < 1e-9);
+    fs::remove_file(folder.join("groundtruth.txt")).unwrap();
+    assert_eq!(open("tum", &folder).unwrap().frame(0).unwrap().world_from_camera, None);
+}
+
+#[test]
+fn tum_cameras_come_from_file_name_or_default() {
+    let (_keep, folder) = tum("office");
+    assert_eq!(open("tum", &folder).unwrap().intrinsics().cx, 319.5);
+    put(&folder, "calibration.txt", "# fx fy cx cy\n481.2 480 319.5 239.5 0 0\n");
+    assert_eq!(open("tum", &folder).unwrap().intrinsics().fx, 481.2);
+    put(&folder, "calibration.txt", "481.2 480\n");
+    let found = error("tum", &folder);
+    assert!(found.ends_with("calibration.txt:1: expected 4 numbers, found 2"), "{found}");
+}
+
+#[test]
+fn broken_tum_folders_name_file_and_line() {
+    let broken = |file: &str, text: &str| {
+        let (_keep, folder) = tum("office");
+        put(&folder, file, text);
+        error("tum", &folder)
+    };
+    let found = broken("rgb.txt", "#\nsoon rgb/a.png\n");
+    assert!(found.ends_with("rgb.txt:2: expected seconds, found \"soon\""), "{found}");
+    let found = broken("rgb.txt", "100.0\n");
+    assert!(found.ends_with("rgb.txt:1: expected a timestamp and a file, found no file"));
+    let found = broken("groundtruth.txt", "100.0 1 2 3\n");
+    assert!(found.ends_with("groundtruth.txt:1: expected 7 numbers, found 3"), "{found}");
+    let found = broken("depth.txt", "300.0 depth/100.010000.png\n");
+    assert!(found.contains("at most 0.02 s"), "{found}");
+    let found = broken("groundtruth.txt", "100.0 1 0 0 0 0 0 0.5\n");
+    assert!(found.contains("found none"), "{found}");
+    let (_keep, folder) = tum("office");
+    put_color(&folder, "depth/100.010000.png", (9, 9));
+    assert!(error("tum", &folder).ends_with("expected 24x16 pixels, found 9x9"));
+}
+
+#[test]
+fn the_synthetic_room_needs_no_folder() {
+    let part = DatasetSpec::Synthetic { seed: 5 }.open(range(0, None, 149)).unwrap();
+    assert_eq!((part.name(), part.len(), part.sequence(1)), ("synthetic-5", 2, 149));
+    let frame = part.frame(1).unwrap();
+    assert_eq!(units(&frame.depth).dimensions(), (320, 240));
+    let truth = part.truth().unwrap();
+    let mask = truth.mask(1).unwrap();
+    let known = |id: &u16| *id == 0 || truth.instances().iter().any(|i| i.id == *id);
+    assert!(mask.ids.iter().all(known) && mask.ids.iter().any(|id| *id > 0));
+}

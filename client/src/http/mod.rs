@@ -1,0 +1,274 @@
+//! The server's HTTP interface: questions, pictures, files and numbers of a map.
+//! In: addresses, names, questions. Out: typed answers, bytes, or an error that is one line.
+//! It computes nothing and writes no file.
+
+mod wire;
+
+pub use wire::{
+    Answer, Camera, FrameView, HeatmapLink, Keyframe, Object, Peak, PixelBox, PointsLink, Question,
+    Rle, Status, Timing,
+};
+
+use crate::npy::{self, Array};
+use reqwest::{RequestBuilder, Response, Url, header};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+/// Why the server gave no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum HttpError {
+    /// The address cannot be one.
+    #[error("http address: expected HOST:PORT, found {found:?}")]
+    Address {
+        /// What was given.
+        found: String,
+    },
+    /// Nobody listens there.
+    #[error("no server at {address}: start lexsplat-server, or name another one with --http")]
+    NoServer {
+        /// Where it was looked for.
+        address: String,
+    },
+    /// The server says no.
+    #[error("{detail}")]
+    Refused {
+        /// HTTP status.
+        status: u16,
+        /// What was expected and found.
+        detail: String,
+    },
+    /// The connection broke, or the answer is not what was announced.
+    #[error("{address} answered badly: {reason}")]
+    Broken {
+        /// The server.
+        address: String,
+        /// In a few words.
+        reason: String,
+    },
+}
+
+/// What a problem document says.
+#[derive(Deserialize)]
+struct Problem {
+    detail: String,
+}
+
+#[derive(Deserialize)]
+struct Frames {
+    frames: Vec<Keyframe>,
+}
+
+/// A server.
+#[derive(Clone, Debug)]
+pub struct HttpClient {
+    base: Url,
+    client: reqwest::Client,
+}
+
+impl HttpClient {
+    /// The server at `HOST:PORT` or `http://HOST:PORT`; connects when first asked.
+    ///
+    /// # Errors
+    /// [`HttpError::Address`].
+    pub fn new(address: &str) -> Result<Self, HttpError> {
+        let wrong = || HttpError::Address { found: address.into() };
+        let bare = address.strip_prefix("http://").unwrap_or(address);
+        let base = Url::parse(&format!("http://{bare}")).map_err(|_| wrong())?;
+        // A proxy for the outer world knows nothing of robots.
+        let client = reqwest::Client::builder().no_proxy().build().map_err(|_| wrong())?;
+        Ok(Self { base, client })
+    }
+
+    /// `HOST:PORT`.
+    pub fn address(&self) -> String {
+        self.base.authority().to_owned()
+    }
+
+    /// The map in numbers.
+    ///
+    /// # Errors
+    /// Every [`HttpError`] but `Address`; so it is for all that ask.
+    pub async fn status(&self, map: &str) -> Result<Status, HttpError> {
+        self.json(self.client.get(self.url(map, &[]))).await
+    }
+
+    /// The map's keyframes.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn frames(&self, map: &str) -> Result<Vec<Keyframe>, HttpError> {
+        let frames: Frames = self.json(self.client.get(self.url(map, &["frames"]))).await?;
+        Ok(frames.frames)
+    }
+
+    /// Asks.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn query(&self, map: &str, question: &Question) -> Result<Answer, HttpError> {
+        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+    }
+
+    /// The relevancies `[height, width]` of an answer's heat map, and the file that they came in.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn heatmap(&self, link: &HeatmapLink) -> Result<(Array, Vec<u8>), HttpError> {
+        let file = self.linked(&link.url, "application/x-npy").await?;
+        let array = npy::read(&file).map_err(|error| self.broken(error.to_string()))?;
+        let expected = [link.height as usize, link.width as usize];
+        if array.shape != expected {
+            let reason = format!("heat map: expected shape {expected:?}, found {:?}", array.shape);
+            return Err(self.broken(reason));
+        }
+        Ok((array, file))
+    }
+
+    /// An answer's heat map as PNG.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn heatmap_png(&self, link: &HeatmapLink) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, "image/png").await
+    }
+
+    /// An answer's points (x, y, z, score) as PLY.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn points_ply(&self, link: &PointsLink) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, "application/octet-stream").await
+    }
+
+    /// What the map looks like from a tracked frame, as PNG.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn render_png(&self, map: &str, sequence: u64) -> Result<Vec<u8>, HttpError> {
+        let frame = sequence.to_string();
+        self.bytes(self.client.get(self.url(map, &["render"])).query(&[("frame", frame)])).await
+    }
+
+    /// Every tracked frame's pose as TUM text.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn trajectory(&self, map: &str) -> Result<Vec<u8>, HttpError> {
+        self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
+    }
+
+    /// The map as a file such as `splats.ply`; `progress` hears bytes so far and in all, if known.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn export(
+        &self,
+        map: &str,
+        file: &str,
+        mut progress: impl FnMut(u64, Option<u64>),
+    ) -> Result<Vec<u8>, HttpError> {
+        let mut response = self.send(self.client.get(self.url(map, &["export", file]))).await?;
+        let total = response.content_length();
+        let mut bytes = Vec::new();
+        while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {
+            bytes.extend_from_slice(&chunk);
+            progress(bytes.len() as u64, total);
+        }
+        Ok(bytes)
+    }
+
+    fn url(&self, map: &str, rest: &[&str]) -> Url {
+        let mut url = self.base.clone();
+        url.path_segments_mut()
+            .expect("an http address has a path")
+            .extend(["v1", "maps", map])
+            .extend(rest);
+        url
+    }
+
+    async fn linked(&self, path: &str, accept: &str) -> Result<Vec<u8>, HttpError> {
+        let url = self.base.join(path).map_err(|error| self.broken(error.to_string()))?;
+        self.bytes(self.client.get(url).header(header::ACCEPT, accept)).await
+    }
+
+    async fn json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, HttpError> {
+        let bytes = self.bytes(request).await?;
+        serde_json::from_slice(&bytes).map_err(|error| self.broken(error.to_string()))
+    }
+
+    async fn bytes(&self, request: RequestBuilder) -> Result<Vec<u8>, HttpError> {
+        let response = self.send(request).await?;
+        Ok(response.bytes().await.map_err(|error| self.lost(&error))?.into())
+    }
+
+    async fn send(&self, request: RequestBuilder) -> Result<Response, HttpError> {
+        let response = request.send().await.map_err(|error| self.lost(&error))?;
+        let status = response.status();
+        if status.is_success() {
+            return Ok(response);
+        }
+        let body = response.bytes().await.map_err(|error| self.lost(&error))?;
+        Err(HttpError::Refused { status: status.as_u16(), detail: detail(&body, status.as_str()) })
+    }
+
+    fn lost(&self, error: &reqwest::Error) -> HttpError {
+        if error.is_connect() {
+            return HttpError::NoServer { address: self.address() };
+        }
+        self.broken(innermost(error))
+    }
+
+    fn broken(&self, reason: String) -> HttpError {
+        HttpError::Broken { address: self.address(), reason }
+    }
+}
+
+/// What a refusal says, on one line.
+fn detail(body: &[u8], status: &str) -> String {
+    match serde_json::from_slice::<Problem>(body) {
+        Ok(problem) => problem.detail.replace('\n', " "),
+        Err(_) => format!("the server answered with status {status} and no reason"),
+    }
+}
+
+fn innermost(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(deeper) = cause.source() {
+        cause = deeper;
+    }
+    cause.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_come_bare_or_whole_and_names_are_escaped() {
+        for address in ["127.0.0.1:8080", "http://127.0.0.1:8080"] {
+            let client = HttpClient::new(address).unwrap();
+            assert_eq!(client.address(), "127.0.0.1:8080");
+            let url = client.url("a/b c", &["frames"]);
+            assert_eq!(url.as_str(), "http://127.0.0.1:8080/v1/maps/a%2Fb%20c/frames");
+        }
+        let error = HttpClient::new("127.0.0.1:http").unwrap_err();
+        assert!(error.to_string().contains("127.0.0.1:http"), "{error}");
+    }
+
+    #[test]
+    fn refusals_are_one_line() {
+        let body = br#"{"title":"Bad Request","status":400,"detail":"no map\n\"x\""}"#;
+        assert_eq!(detail(body, "400"), "no map \"x\"");
+        assert!(detail(b"<html>", "502").contains("502"));
+    }
+
+    #[tokio::test]
+    async fn nobody_there_says_what_to_start() {
+        // A port that was free a moment ago.
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let client = HttpClient::new(&format!("127.0.0.1:{port}")).unwrap();
+        let error = client.status("kitchen").await.unwrap_err();
+        assert!(matches!(error, HttpError::NoServer { .. }), "{error}");
+        assert!(error.to_string().contains("start lexsplat-server"));
+    }
+}

@@ -1,0 +1,91 @@
+//! Images in another size. Shrinking averages over what it drops (triangle filter, as wide as the
+//! scale); growing is bilinear. Pixel areas keep their place.
+
+use rayon::prelude::*;
+
+/// The source pixels that make one destination pixel along an axis; the weights add up to 1.
+struct Taps {
+    first: usize,
+    weights: Vec<f32>,
+}
+
+impl Taps {
+    fn all(from: usize, to: usize) -> Vec<Self> {
+        let scale = from as f32 / to as f32;
+        let radius = scale.max(1.0);
+        let taps = |at: usize| {
+            let center = (at as f32 + 0.5) * scale - 0.5;
+            let first = (center - radius).ceil().max(0.0) as usize;
+            let last = ((center + radius).floor() as usize).min(from - 1);
+            let weight = |source: usize| 1.0 - (source as f32 - center).abs() / radius;
+            let mut weights: Vec<f32> = (first..=last).map(weight).collect();
+            let sum: f32 = weights.iter().sum();
+            weights.iter_mut().for_each(|weight| *weight /= sum);
+            Self { first, weights }
+        };
+        (0..to).map(taps).collect()
+    }
+}
+
+/// `[height, width, 3]`, 8 bit, of `from` = (width, height) to the same in f32 of size `to`.
+pub(super) fn resample(rgb: &[u8], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
+    let columns = Taps::all(from.0, to.0);
+    let mut narrow = vec![0.0_f32; from.1 * to.0 * 3];
+    let rows = narrow.par_chunks_exact_mut(to.0 * 3).zip(rgb.par_chunks_exact(from.0 * 3));
+    rows.for_each(|(narrow, wide)| {
+        for (pixel, taps) in narrow.chunks_exact_mut(3).zip(&columns) {
+            let sources = wide[taps.first * 3..].chunks_exact(3);
+            let mut sum = [0.0; 3];
+            for (&weight, source) in taps.weights.iter().zip(sources) {
+                for (sum, &value) in sum.iter_mut().zip(source) {
+                    *sum += weight * f32::from(value);
+                }
+            }
+            pixel.copy_from_slice(&sum);
+        }
+    });
+    let lines = Taps::all(from.1, to.1);
+    let mut found = vec![0.0_f32; to.1 * to.0 * 3];
+    found.par_chunks_exact_mut(to.0 * 3).zip(&lines).for_each(|(row, taps)| {
+        let sources = narrow[taps.first * to.0 * 3..].chunks_exact(to.0 * 3);
+        for (&weight, source) in taps.weights.iter().zip(sources) {
+            row.iter_mut().zip(source).for_each(|(sum, value)| *sum += weight * value);
+        }
+    });
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::imageops::{FilterType, resize};
+    use image::{ImageBuffer, Rgb};
+
+    /// Another implementation of the same filter, rounded to 8 bit.
+    fn other(rgb: &[u8], from: (u32, u32), to: (u32, u32), filter: FilterType) -> Vec<f32> {
+        let image: ImageBuffer<Rgb<u8>, &[u8]> =
+            ImageBuffer::from_raw(from.0, from.1, rgb).unwrap();
+        resize(&image, to.0, to.1, filter).into_raw().into_iter().map(f32::from).collect()
+    }
+
+    fn furthest(a: &[f32], b: &[f32]) -> f32 {
+        assert_eq!(a.len(), b.len());
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn it_is_the_triangle_filter() {
+        let from = (37, 23);
+        let rgb: Vec<u8> = (0..37 * 23 * 3_u32).map(|i| (i * i % 251) as u8).collect();
+        for to in [(37, 23), (11, 9), (12, 40), (80, 60)] {
+            let found = resample(&rgb, (37, 23), to);
+            let to = (to.0 as u32, to.1 as u32);
+            let apart = furthest(&found, &other(&rgb, from, to, FilterType::Triangle));
+            // Rounding to 8 bit in between.
+            assert!(apart < 1.01, "{to:?}: {apart}");
+            // Negative control: another filter is far away, unless there is nothing to do.
+            let nearest = furthest(&found, &other(&rgb, from, to, FilterType::Nearest));
+            assert!(nearest > 20.0 || to == from, "{to:?}: {nearest}");
+        }
+    }
+}
