@@ -16,6 +16,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(command::demo::Demo),
     Export(command::export::Export),
     Query(command::query::Query),
     Stream(command::stream::Stream),
@@ -24,6 +25,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Demo(arguments) => command::wait(command::demo::run(&arguments)),
         Command::Export(arguments) => command::wait(command::export::run(&arguments)),
         Command::Query(arguments) => command::wait(command::query::run(&arguments)),
         Command::Stream(arguments) => command::wait(command::stream::run(&arguments)),

@@ -26,8 +26,7 @@ fn complaint(output: &Output) -> String {
 
 #[test]
 fn is_ready_and_stops_when_told_to() {
-    let mut child =
-        server().stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it runs");
+    let mut child = server().stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it runs");
     let mut ready = String::new();
     let stdout = child.stdout.take().expect("it is piped");
     BufReader::new(stdout).read_line(&mut ready).expect("it says something");

@@ -177,17 +177,17 @@ async fn bad_questions_get_problems() {
     server.settled("room").await;
     let query = "/v1/maps/room/query";
     let cases = [
-        (query, Some(json!({"text": ""}).to_string()), 422, "text"),
-        (query, Some(json!({"text": " \t"}).to_string()), 422, "text"),
-        (query, Some(json!({"text": "x".repeat(10_000)}).to_string()), 422, "text"),
+        (query, Some(json!({"text": ""}).to_string()), 400, "text"),
+        (query, Some(json!({"text": " \t"}).to_string()), 400, "text"),
+        (query, Some(json!({"text": "x".repeat(10_000)}).to_string()), 400, "text"),
         (query, Some(json!({"text": "cup", "view": {"frame": 999}}).to_string()), 404, "999"),
-        (query, Some(json!({"text": "cup", "threshold": 7}).to_string()), 422, "threshold"),
-        (query, Some(json!({"text": "cup", "outputs": ["hologram"]}).to_string()), 422, "hologram"),
-        (query, Some(json!({"text": "cup", "colour": 1}).to_string()), 422, "colour"),
-        (query, Some(json!({}).to_string()), 422, "text"),
+        (query, Some(json!({"text": "cup", "threshold": 7}).to_string()), 400, "threshold"),
+        (query, Some(json!({"text": "cup", "outputs": ["hologram"]}).to_string()), 400, "hologram"),
+        (query, Some(json!({"text": "cup", "colour": 1}).to_string()), 400, "colour"),
+        (query, Some(json!({}).to_string()), 400, "text"),
         (query, Some("{\"text\": \"cup\"".into()), 400, "line 1"),
         ("/v1/maps/nowhere/query", Some(json!({"text": "cup"}).to_string()), 404, "nowhere"),
-        ("/v1/maps", Some(json!({"name": "a/b"}).to_string()), 422, "name"),
+        ("/v1/maps", Some(json!({"name": "a/b"}).to_string()), 400, "name"),
         ("/v1/maps", Some(json!({"name": "room"}).to_string()), 409, "room"),
     ];
     for (path, body, status, says) in cases {
@@ -197,8 +197,8 @@ async fn bad_questions_get_problems() {
     let gets = [
         ("/v1/maps/nowhere", 404, "nowhere"),
         ("/v1/maps/room/render?frame=999&channel=color", 404, "999"),
-        ("/v1/maps/room/render?frame=0&channel=smell", 422, "smell"),
-        ("/v1/maps/room/render?frame=0&channel=color&width=100000&height=100000", 422, "width"),
+        ("/v1/maps/room/render?frame=0&channel=smell", 400, "smell"),
+        ("/v1/maps/room/render?frame=0&channel=color&width=100000&height=100000", 400, "width"),
         ("/v1/maps/room/export/mesh.ply", 501, "mesh.ply"),
         ("/v1/nothing", 404, "/v1/nothing"),
     ];

@@ -1,5 +1,6 @@
 //! One file per command of `lexsplat`.
 
+pub mod demo;
 pub mod export;
 pub mod query;
 pub mod stream;

@@ -46,8 +46,7 @@ pub struct Stream {
 
 /// Runs the command.
 pub async fn run(arguments: &Stream) -> Result<()> {
-    let range =
-        FrameRange { start: arguments.start, end: arguments.end, stride: arguments.stride };
+    let range = FrameRange { start: arguments.start, end: arguments.end, stride: arguments.stride };
     let dataset = arguments.dataset.open(range)?;
     if let [first, ..] = dataset.skipped() {
         eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
@@ -110,6 +109,9 @@ fn print(summary: &Summary) {
     let Summary { map, sent, tracked, lost, refused, .. } = summary;
     if summary.resumed_past > 0 {
         println!("map {map}: {} frames were there already", summary.resumed_past);
+    }
+    if *sent == 0 {
+        return;
     }
     println!(
         "map {map}: {sent} frames in {:.1} s ({:.2} frames/s): {tracked} tracked, {lost} lost, \

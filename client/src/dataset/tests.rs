@@ -7,6 +7,7 @@ use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use std::fs;
 use std::num::NonZeroUsize;
 use std::path::Path;
+use std::sync::OnceLock;
 use tempfile::TempDir;
 
 const SIZE: (u32, u32) = (24, 16);
@@ -65,11 +66,28 @@ fn specs_are_read_and_written() {
     assert!(error.contains("mcap is not supported yet"), "{error}");
 }
 
-/// Three frames of the synthetic room in Replica layout.
+/// Three frames of the synthetic room in Replica layout: rendered once, written as often as needed.
 fn replica() -> TempDir {
+    static FILES: OnceLock<Vec<(String, Vec<u8>)>> = OnceLock::new();
+    let files = FILES.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = Camera::new(SIZE.0, SIZE.1);
+        write(folder.path(), &Plan { seed: 3, frames: 12, every: 4, camera }, |_| ()).unwrap();
+        let mut files = Vec::new();
+        for part in ["", "results", "semantic"] {
+            for entry in fs::read_dir(folder.path().join(part)).unwrap() {
+                let entry = entry.unwrap();
+                if entry.file_type().unwrap().is_file() {
+                    let name = format!("{part}/{}", entry.file_name().to_str().unwrap());
+                    let name = name.trim_start_matches('/').to_owned();
+                    files.push((name, fs::read(entry.path()).unwrap()));
+                }
+            }
+        }
+        files
+    });
     let folder = tempfile::tempdir().unwrap();
-    let camera = Camera::new(SIZE.0, SIZE.1);
-    write(folder.path(), &Plan { seed: 3, frames: 12, every: 4, camera }, |_| ()).unwrap();
+    files.iter().for_each(|(name, bytes)| put(folder.path(), name, bytes));
     folder
 }
 

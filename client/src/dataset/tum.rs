@@ -37,6 +37,9 @@ struct Entry {
     world_from_camera: Option<Isometry3<f64>>,
 }
 
+/// A pose, or why a line's is none.
+type MaybePose = Result<Isometry3<f64>, String>;
+
 /// A line of a list, by its time.
 struct Timed<T> {
     nanos: u64,
@@ -86,7 +89,7 @@ fn file_list(folder: &Path, name: &str) -> Result<Vec<Timed<PathBuf>>, DatasetEr
     })
 }
 
-fn poses(path: &Path) -> Result<Vec<Timed<Result<Isometry3<f64>, String>>>, DatasetError> {
+fn poses(path: &Path) -> Result<Vec<Timed<MaybePose>>, DatasetError> {
     timed(path, |rest| Ok(pose::from_tum(&files::numbers(rest)?)))
 }
 
@@ -141,10 +144,7 @@ fn pair<A, B>(first: &[Timed<A>], second: &[Timed<B>]) -> Vec<(usize, usize)> {
 }
 
 /// The nearest pose in time, or why there is none.
-fn pose_at(
-    poses: &[Timed<Result<Isometry3<f64>, String>>],
-    nanos: u64,
-) -> Result<Isometry3<f64>, String> {
+fn pose_at(poses: &[Timed<MaybePose>], nanos: u64) -> Result<Isometry3<f64>, String> {
     let after = poses.partition_point(|pose| pose.nanos < nanos);
     let around = &poses[after.saturating_sub(1)..poses.len().min(after + 1)];
     let nearest = around.iter().min_by_key(|pose| pose.nanos.abs_diff(nanos));

@@ -41,7 +41,9 @@ pub enum ClientError {
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     /// Poses were to be given but there is none.
-    #[error("frame {sequence} has no pose: the data set needs poses unless the server estimates them")]
+    #[error(
+        "frame {sequence} has no pose: the data set needs poses unless the server estimates them"
+    )]
     NoPose {
         /// The frame.
         sequence: u64,

@@ -152,9 +152,8 @@ pub async fn stream(
 
 async fn connect(address: &str) -> Result<MappingClient<tonic::transport::Channel>, ClientError> {
     let bad = || ClientError::Address { found: address.into() };
-    if !address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
-        return Err(bad());
-    }
+    let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
+    port.parse::<u16>().map_err(|_| bad())?;
     let uri = if address.contains("://") { address.into() } else { format!("http://{address}") };
     let endpoint = Endpoint::from_shared(uri).map_err(|_| bad())?.connect_timeout(CONNECT_WITHIN);
     let channel = endpoint.connect().await;

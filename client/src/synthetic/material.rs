@@ -5,6 +5,7 @@
 use super::noise::{fractal, hash, noise, noise3, step};
 use super::prints::{self, Print};
 use super::vector::{V3, v};
+use std::f32::consts::{FRAC_PI_3, PI, TAU};
 
 /// A place on a surface.
 #[derive(Clone, Copy, Debug)]
@@ -239,8 +240,8 @@ fn wallpaper(x: f32, y: f32, ground: V3, motif: V3, kind: u32) -> V3 {
         // Ogee damask.
         1 => {
             let (u, w) = (x / 0.32, y / 0.46);
-            let ogee = (u * 6.283).cos() + (w * 6.283).cos() * 0.9;
-            let petals = ((u * 6.283).sin() * 3.0).cos() * ((w * 6.283).sin() * 3.0).cos();
+            let ogee = (u * TAU).cos() + (w * TAU).cos() * 0.9;
+            let petals = ((u * TAU).sin() * 3.0).cos() * ((w * TAU).sin() * 3.0).cos();
             step(0.05, 0.2, (ogee * petals).abs() - 0.45) * 0.85
         }
         // Sprigs on an offset grid.
@@ -259,7 +260,7 @@ fn wallpaper(x: f32, y: f32, ground: V3, motif: V3, kind: u32) -> V3 {
 fn wicker(x: f32, y: f32, a: V3, b: V3) -> V3 {
     let (u, w) = (x / 0.03, y / 0.018);
     let over = (u.floor() + w.floor()) as i32 % 2 == 0;
-    let bulge = ((u - u.floor()) * 3.14).sin() * 0.5 + ((w - w.floor()) * 3.14).sin() * 0.5;
+    let bulge = ((u - u.floor()) * PI).sin() * 0.5 + ((w - w.floor()) * PI).sin() * 0.5;
     let strand = if over { a } else { b };
     strand * (0.35 + 0.65 * bulge) * (0.85 + 0.3 * hash(u as i32, w as i32, 121))
 }
@@ -273,7 +274,7 @@ fn leaf([u, t]: [f32; 2], a: V3, b: V3) -> V3 {
 }
 
 fn glaze([u, t]: [f32; 2], base: V3, band: V3, kind: u32) -> V3 {
-    let angle = u * std::f32::consts::TAU;
+    let angle = u * TAU;
     let amount = match kind % 4 {
         0 => step(0.3, 0.32, t) - step(0.42, 0.44, t) + step(0.5, 0.51, t) - step(0.54, 0.55, t),
         1 => {
@@ -292,7 +293,7 @@ fn toy(local: V3, (a, b): (V3, V3), radius: f32, kind: u32) -> V3 {
     match kind % 3 {
         // Beach ball: six sectors around a tilted axis.
         0 => {
-            let sector = ((d.y.atan2(d.x + 0.3 * d.z) / 1.0472).floor() as i32).rem_euclid(6);
+            let sector = ((d.y.atan2(d.x + 0.3 * d.z) / FRAC_PI_3).floor() as i32).rem_euclid(6);
             match sector {
                 0 | 3 => a,
                 1 | 4 => v(0.85, 0.85, 0.82),

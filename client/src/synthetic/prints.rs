@@ -230,6 +230,6 @@ fn broadcast(u: f32, t: f32, seed: u32) -> V3 {
         // Switched off: a dark panel with the room's light in it.
         _ => v(0.012, 0.013, 0.016).mix(v(0.06, 0.065, 0.075), step(0.4, 1.2, u * 0.6 + t * 0.7)),
     };
-    let banner = f32::from(seed % 3 == 0 && t > 0.06 && t < 0.18 && u > 0.05 && u < 0.8);
+    let banner = f32::from(seed.is_multiple_of(3) && t > 0.06 && t < 0.18 && u > 0.05 && u < 0.8);
     picture.mix(rgb(0xb02020), banner)
 }

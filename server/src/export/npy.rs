@@ -7,9 +7,10 @@ const ALIGNMENT: usize = 64;
 /// `values` as an array of `shape`, whose product is their number.
 pub fn npy(shape: &[usize], values: &[f32]) -> Vec<u8> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "npy: shape against values");
-    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let description =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", sides.trim_end());
+    let sides: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    // Python writes a tuple of one with a comma.
+    let sides = sides.join(", ") + if shape.len() == 1 { "," } else { "" };
+    let description = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({sides}), }}");
     // Magic, two bytes of length, description, spaces, a line feed.
     let unpadded = MAGIC.len() + 2 + description.len() + 1;
     let header_bytes = unpadded.next_multiple_of(ALIGNMENT) - MAGIC.len() - 2;
@@ -34,7 +35,7 @@ mod tests {
         assert_eq!((10 + header_bytes) % ALIGNMENT, 0);
         let header = std::str::from_utf8(&file[10..10 + header_bytes]).unwrap();
         assert!(
-            header.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3,), }"),
+            header.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }"),
             "{header}"
         );
         assert!(header.ends_with('\n'));

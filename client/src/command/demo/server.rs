@@ -88,9 +88,10 @@ impl Server {
             Ok(Ok(line)) => serde_json::from_str(&line)
                 .with_context(|| format!("the server said {line:?} instead of being ready")),
             Ok(Err(_)) => Err(anyhow::anyhow!("the server did not start{}", last_words(log))),
-            Err(_) => {
-                Err(anyhow::anyhow!("the server was not ready in {START_LIMIT:?}{}", last_words(log)))
-            }
+            Err(_) => Err(anyhow::anyhow!(
+                "the server was not ready in {START_LIMIT:?}{}",
+                last_words(log)
+            )),
         };
         match ready {
             Ok(ready) => Ok(Self { child, log: log.clone(), ready }),
@@ -184,6 +185,7 @@ fn last_words(log: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt as _;
 
     /// A program that is being written while another thread forks cannot be started.
@@ -202,7 +204,7 @@ mod tests {
         fn plan(&self, script: &str) -> Plan {
             let program = self.0.join("server.sh");
             std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
-            std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+            std::fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
             Plan { program, config: None, models: None, log: self.0.join("server.log") }
         }
     }
@@ -213,7 +215,8 @@ mod tests {
         }
     }
 
-    const READY: &str = r#"echo '{"event":"ready","grpc":"a:1","http":"b:2","adapter":"c","bundle":"d"}'"#;
+    const READY: &str =
+        r#"echo '{"event":"ready","grpc":"a:1","http":"b:2","adapter":"c","bundle":"d"}'"#;
     const WAIT: &str = "while :; do sleep 0.05; done";
 
     #[tokio::test]

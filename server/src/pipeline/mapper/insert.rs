@@ -65,8 +65,9 @@ fn needs_gaussian(
         return false;
     }
     let opacity = rendered.opacity[pixel];
-    // Phrased so that a NaN in the picture asks for a Gaussian.
-    if !(opacity >= config.insert_opacity) {
+    // A NaN in the picture is not opaque: it asks for a Gaussian.
+    let is_opaque = opacity >= config.insert_opacity;
+    if !is_opaque {
         return true;
     }
     let depth = rendered.depth[pixel] / opacity;

@@ -96,7 +96,9 @@ fn give_birth(host: &mut HostGaussians, keyframe: &Keyframe, map: &CodeMap<'_>) 
         let Some((u, v, z)) = working.camera.project(&point) else { continue };
         let Some(pixel) = pixel_of(&working.camera, u, v) else { continue };
         let measured = working.depth_metres[pixel];
-        if !((z - measured).abs() <= SURFACE_TOLERANCE * measured) {
+        // Nothing measured is 0 metres: nothing is on that surface.
+        let is_on_surface = (z - measured).abs() <= SURFACE_TOLERANCE * measured;
+        if !is_on_surface {
             continue;
         }
         let Some((u, v, _)) = map.camera.project(&point) else { continue };

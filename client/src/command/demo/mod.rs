@@ -1,0 +1,195 @@
+//! `lexsplat demo`: a server of its own, a data set streamed to it, five questions, pictures.
+//! Exit code 1 if a part of this chain fails; wrong answers are shown, not failures.
+
+mod ask;
+mod questions;
+mod report;
+mod server;
+
+use super::stream::{progress_bar, show};
+use anyhow::{Context as _, Result, bail};
+use ask::{Asked, Asker};
+use image::RgbImage;
+use indicatif::ProgressBar;
+use lexsplat_client::dataset::{Dataset, DatasetSpec, FrameRange};
+use lexsplat_client::http::{HttpClient, Status};
+use lexsplat_client::stream::{Poses, StreamOptions, stream};
+use server::{Plan, Server};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Start a server, map a data set, ask five questions and write pictures of the answers
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  lexsplat demo\n  \
+                        lexsplat demo --dataset replica:room0 --stride 4 --ask 'blue sofa' --keep")]
+pub struct Demo {
+    /// replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED]; its poses are used
+    #[arg(long, value_name = "KIND:PATH", default_value = "synthetic:7")]
+    dataset: DatasetSpec,
+    /// Ask this instead of the usual five questions; may be repeated
+    #[arg(long, value_name = "TEXT")]
+    ask: Vec<String>,
+    /// Folder for pictures, heat maps, report.md and server.log; made if missing
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
+    /// Leave the server up until Ctrl-C
+    #[arg(long)]
+    keep: bool,
+    /// The server's binary; absent: the one beside this program
+    #[arg(long, value_name = "PATH")]
+    server: Option<PathBuf>,
+    /// Settings of the server; absent: its own
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// The folder of a bundle of networks; absent: what the settings say
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// First frame, counted from 0
+    #[arg(long, value_name = "A", default_value_t = 0)]
+    start: usize,
+    /// Frame after the last
+    #[arg(long, value_name = "B")]
+    end: Option<usize>,
+    /// Use every K-th frame
+    #[arg(long, value_name = "K", default_value = "1")]
+    stride: NonZeroUsize,
+}
+
+/// A map whose revision stays the same for so long does not go on.
+const STALLED: Duration = Duration::from_secs(180);
+const POLL: Duration = Duration::from_millis(250);
+
+/// Runs the command.
+pub async fn run(arguments: &Demo) -> Result<()> {
+    let range = FrameRange { start: arguments.start, end: arguments.end, stride: arguments.stride };
+    let dataset: Arc<dyn Dataset> = Arc::from(arguments.dataset.open(range)?);
+    let out = &arguments.out;
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let plan = Plan {
+        program: arguments.server.clone().map_or_else(server::beside_this, Ok)?,
+        config: arguments.config.clone(),
+        models: arguments.models.clone(),
+        log: out.join("server.log"),
+    };
+    let starting = ProgressBar::new_spinner().with_message("the server starts");
+    starting.enable_steady_tick(POLL);
+    let started = Server::start(&plan).await;
+    starting.finish_and_clear();
+    let mut server = started?;
+    let ready = server.ready.clone();
+    tokio::select! {
+        shown = show_all(arguments, &ready, dataset) => shown.map_err(|error| server.explain(error))?,
+        pressed = interrupted() => pressed.and_then(|()| bail!("interrupted"))?,
+    }
+    if arguments.keep {
+        println!("the server is up until Ctrl-C");
+        interrupted().await?;
+    }
+    server.stop()
+}
+
+/// Waits for Ctrl-C or SIGTERM.
+async fn interrupted() -> Result<()> {
+    let mut terminate = signal(SignalKind::terminate()).context("cannot wait for SIGTERM")?;
+    tokio::select! {
+        pressed = tokio::signal::ctrl_c() => pressed.context("cannot wait for Ctrl-C"),
+        _ = terminate.recv() => Ok(()),
+    }
+}
+
+async fn show_all(
+    arguments: &Demo,
+    ready: &server::Ready,
+    dataset: Arc<dyn Dataset>,
+) -> Result<()> {
+    println!("server on {}, networks {}", ready.adapter, ready.bundle);
+    let client = HttpClient::new(&ready.http)?;
+    let map = dataset.name().to_owned();
+    let made = map_it(&ready.grpc, &map, dataset.clone()).await?;
+    let status = settle(&client, &map).await?;
+    let made =
+        format!("{made}; {} Gaussians from {} keyframes", status.gaussians, status.keyframes);
+    println!("{made}");
+
+    let asker = Asker { client: &client, map: &map, dataset: &*dataset };
+    let bar = ProgressBar::new_spinner().with_message("asking");
+    bar.enable_steady_tick(POLL);
+    let on_answer = |one: &Asked| bar.set_message(format!("asking: {}", one.text));
+    let asked = asker.ask_all(&arguments.dataset, &arguments.ask, on_answer).await;
+    bar.finish_and_clear();
+    let asked = asked?;
+    print!("\n{}", report::answers_table(&asked));
+    if let Some(line) = report::verdicts(&asked) {
+        println!("\n{line}");
+    }
+    let pictures = pictures(&asker, &asked).await?;
+    let heading = format!("{map}: {made}");
+    report::write(&arguments.out, &asked, &pictures, &heading)?;
+    println!("\npictures   {}", arguments.out.join("report.md").display());
+    let kept = if arguments.keep { "" } else { " (--keep leaves the server up)" };
+    println!("dashboard  http://{}/{kept}", ready.http);
+    Ok(())
+}
+
+/// Streams the data set; says what came of it.
+async fn map_it(grpc: &str, map: &str, dataset: Arc<dyn Dataset>) -> Result<String> {
+    let options =
+        StreamOptions { grpc: grpc.into(), map: map.into(), poses: Poses::Given, realtime: false };
+    let bar = progress_bar(dataset.len() as u64);
+    let summary = stream(dataset, &options, |progress| show(&bar, progress)).await;
+    match &summary {
+        Ok(_) => bar.finish(),
+        Err(_) => bar.abandon(),
+    }
+    let summary = summary?;
+    if summary.tracked == 0 {
+        let reason = summary.refusals.first().map_or("none was tracked", |first| &first.reason);
+        bail!("none of {} frames is in the map: {reason}", summary.sent);
+    }
+    Ok(format!(
+        "{} of {} frames mapped at {:.2} frames/s",
+        summary.tracked, summary.sent, summary.frames_per_second
+    ))
+}
+
+/// Waits until the map has done its work on what it has.
+async fn settle(client: &HttpClient, map: &str) -> Result<Status> {
+    let bar = ProgressBar::new_spinner();
+    bar.enable_steady_tick(POLL);
+    let mut last = (0, Instant::now());
+    loop {
+        let status = client.status(map).await?;
+        if let Some(failure) = status.failure {
+            bail!("the map failed: {failure}");
+        }
+        if status.settled {
+            bar.finish_and_clear();
+            return Ok(status);
+        }
+        if status.revision != last.0 {
+            last = (status.revision, Instant::now());
+        } else if last.1.elapsed() > STALLED {
+            bail!("the map has not changed for {STALLED:?} and is not settled");
+        }
+        bar.set_message(format!(
+            "the map settles: {} keyframes, {} Gaussians",
+            status.keyframes, status.gaussians
+        ));
+        tokio::time::sleep(POLL).await;
+    }
+}
+
+async fn pictures(asker: &Asker<'_>, asked: &[Asked]) -> Result<Vec<RgbImage>> {
+    let mut pictures = Vec::new();
+    for one in asked {
+        let frame = asker.dataset.frame(one.view.index)?;
+        let frame = image::load_from_memory(&frame.color.bytes).context("the frame's picture")?;
+        let render = asker.client.render_png(asker.map, one.view.sequence).await?;
+        let render = image::load_from_memory(&render).context("the server's picture")?;
+        pictures.push(report::picture(one, &frame.to_rgb8(), &render.to_rgb8()));
+    }
+    Ok(pictures)
+}
