@@ -4,7 +4,7 @@ In:  encoder.pt (from encoder.py), labelled frames, the text tower and a vocabul
 Out: compress.onnx (features [1, D, h, w] -> codes [1, 32, h, w]) and decompress.onnx
      (codes [n, 32] -> features [n, D]); all outputs have unit length.
 
-Paper section 3.3, first stage. Trained on pixel features of the frames AND on text embeddings of
+Paper section 4.2, first stage. Trained on pixel features of the frames AND on text embeddings of
 the whole vocabulary (alone, and blended two by two), so that nouns no frame shows keep their
 direction. Loss: 1 - cos + L2, and the cosines among a batch of words are kept.
 """

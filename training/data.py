@@ -4,7 +4,7 @@ In:  folders in the Replica layout (results/frame%06d.jpg, semantic/%06d.png wit
      instances.json with "id" and "class", traj.txt) and a folder of photographs whose file names
      end in their class (ImageNet style), each optional.
 Out: batches (image [3, h, w] in 0..255, word index [h/4, w/4], weight [h/4, w/4]); word indices
-     point into `Words`, so that the loss (paper, section 3.2) can look up the text embedding.
+     point into `Words`, so that the loss (paper, section 4.1) can look up the text embedding.
 
 Photographs carry one word for the whole image; the class activation map of a classifier says
 where it holds. All randomness comes from one seed.

@@ -4,7 +4,7 @@ In:  labelled frames (--frames FOLDER, repeatable), photographs (--photos), the 
      file (--backbone), the folder of the text tower (--text), a vocabulary for synonyms.
 Out: encoder.pt (weights of both networks), and with --export encoder.onnx and srd.onnx.
 
-Paper sections 3.1 and 3.2: a coarse language map and two skip levels from the encoder; the SRD
+Paper section 4.1: a coarse language map and two skip levels from the encoder; the SRD
 doubles the resolution twice, each time fusing a skip through an attention gate. Loss
 0.8 (1 - cos) + L1 + 0.01 TV against the text embedding of each pixel's word, and (not in the
 paper) a contrastive term that tells the word from the other words of the training set.

@@ -7,7 +7,7 @@ Out: text.onnx (input_ids, attention_mask, token_type_ids -> embedding [1, D], u
 
 The graph pools the mean over tokens, normalises, subtracts the mean embedding of the vocabulary
 and normalises again: two unrelated nouns then have a cosine near 0, so that the relevancy of the
-paper (section 3.4) compares what differs between nouns instead of what all nouns share.
+paper (section 5) compares what differs between nouns instead of what all nouns share.
 """
 
 import argparse

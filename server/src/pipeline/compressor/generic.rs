@@ -1,4 +1,4 @@
-//! The first, pre-trained stage (paper §3.2, "Generalized Language Compressor"): features of size D
+//! The first, pre-trained stage (paper §4.2, "Two-Stage Online CLIP Compression"): features of size D
 //! to codes of 32 and back. Both are the bundle's networks.
 
 use super::super::network::{Network, NetworkError, Tensor};

@@ -1,4 +1,4 @@
-//! Two-stage compression of language features (paper §3.2, "Two-Stage Online CLIP Compression").
+//! Two-stage compression of language features (paper §4.2, "Two-Stage Online CLIP Compression").
 //!
 //! The first stage (D -> 32) is pre-trained and part of the bundle; the second (32 -> 15) is
 //! learned while the robot drives, behind [`OnlineStage`]. A keyframe keeps its 32-D codes as the

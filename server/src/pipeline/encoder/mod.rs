@@ -1,4 +1,4 @@
-//! From a keyframe's colours to language: the image encoder (paper §3.2) and the thread on which
+//! From a keyframe's colours to language: the image encoder (paper §4.1) and the thread on which
 //! it, the [`super::srd`] and the generic compressor run.
 //!
 //! In: [`Frame`]s. Out: [`LanguageMap`]s, one generic code for each cell of the bundle's grid. The

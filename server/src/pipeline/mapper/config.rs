@@ -42,7 +42,7 @@ pub struct MapperConfig {
     pub prune_scale_metres: f32,
     /// Readers get a new snapshot at most this often while the map changes, seconds.
     pub snapshot_seconds: f64,
-    /// Weights of the loss (paper §3.3).
+    /// Weights of the loss (paper §4.3).
     pub loss: LossConfig,
     /// Adam's learning rates.
     pub rates: RatesConfig,

@@ -1,4 +1,4 @@
-//! Builds the map (paper §3.3): keyframes, insertion by need, optimisation of both heads.
+//! Builds the map (paper §4.3): keyframes, insertion by need, optimisation of both heads.
 //!
 //! In: frames in order, language maps of keyframes when they are ready. Out: outcomes, snapshots.
 //! One named thread per map owns the live Gaussians. It never waits for the networks: language is

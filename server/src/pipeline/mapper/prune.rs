@@ -4,7 +4,7 @@ use super::Mapper;
 use lexsplat_gpu::{GpuError, HostGaussians};
 
 impl Mapper {
-    /// Removes Gaussians that are transparent in **both** heads (paper §3.3), too large, or not finite.
+    /// Removes Gaussians that are transparent in **both** heads (paper §4.3), too large, or not finite.
     pub(super) fn prune(&mut self) -> Result<(), GpuError> {
         let host = self.gaussians.to_host()?;
         let keep = worth_keeping(&host, self.config.prune_opacity, self.config.prune_scale_metres);

@@ -99,7 +99,7 @@ pub enum ChannelOrder {
     Bgr,
 }
 
-/// How features are compared with words (paper §3.4; LERF's relevancy).
+/// How features are compared with words (paper §5; LERF's relevancy).
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RelevancySpec {

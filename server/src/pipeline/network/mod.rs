@@ -1,4 +1,4 @@
-//! The bundle of networks (paper §3.2): a folder with `manifest.toml` and ONNX files.
+//! The bundle of networks (paper §4.1): a folder with `manifest.toml` and ONNX files.
 //!
 //! In: the folder. Out: [`VisionNetworks`] for the language thread and [`TextNetworks`] for the
 //! query thread, checked against the manifest: files by SHA-256, tensors by name, type and shape,

@@ -1,4 +1,4 @@
-//! How much a feature is what the words say (paper §3.4; the relevancy of LERF), and images of it.
+//! How much a feature is what the words say (paper §5; the relevancy of LERF), and images of it.
 //!
 //! relevancy = min over negatives n of exp(t f·q) / (exp(t f·q) + exp(t f·n)), with f the feature,
 //! q the query, all of unit length, and t the bundle's temperature. 0.5: as near to the query as to

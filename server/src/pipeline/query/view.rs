@@ -1,5 +1,5 @@
 //! A question about one view: codes are rendered small, decoded, compared with the words, and the
-//! relevancy is brought to the view's size (paper §3.4).
+//! relevancy is brought to the view's size (paper §5).
 //!
 //! Codes are rendered at about label resolution: the paper's labels are no finer, and decoding
 //! costs as much as there are pixels.

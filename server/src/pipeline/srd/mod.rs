@@ -1,4 +1,4 @@
-//! Super-resolution decoder (paper §3.2, "High-Resolution CLIP Features"): coarse features and the
+//! Super-resolution decoder (paper §4.1, "High-Resolution CLIP Embedding"): coarse features and the
 //! encoder's skips in, one feature per grid cell out. The architecture is the bundle's.
 
 use super::network::{Network, NetworkError, Tensor};

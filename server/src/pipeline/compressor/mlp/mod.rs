@@ -1,4 +1,4 @@
-//! The paper's online auto-encoder: 32-24-15-24-32 (§3.2, "Online Language AutoEncoder").
+//! The paper's online auto-encoder: 32-24-15-24-32 (§4.2, the OLAE).
 //!
 //! The first keyframes train it for some hundred steps; then each keyframe gets one step, and so do
 //! a few earlier ones, drawn at random, against forgetting. A bounded sample of every keyframe is
