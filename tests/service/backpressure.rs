@@ -92,7 +92,8 @@ async fn a_sender_that_does_not_read_its_acks_holds_up_nobody() {
     sending.abort();
     // The dropped connection gives the place back.
     for attempt in 0.. {
-        let again = server.client().await.stream_frames(tokio_stream::iter([opening.clone()])).await;
+        let again =
+            server.client().await.stream_frames(tokio_stream::iter([opening.clone()])).await;
         if lexsplat_tests::first_error(again).await.is_none() {
             break;
         }

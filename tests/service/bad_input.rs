@@ -124,16 +124,36 @@ async fn streams_that_do_not_open_say_why() {
         ("zero focal length", "fx", Code::InvalidArgument, intrinsics(|i| i.fx = 0.0)),
         ("NaN focal length", "fy", Code::InvalidArgument, intrinsics(|i| i.fy = f64::NAN)),
         ("0x0", "width", Code::InvalidArgument, intrinsics(|i| i.width = 0)),
-        ("100 megapixels", "width", Code::InvalidArgument, intrinsics(|i| {
-            (i.width, i.height, i.fx, i.fy) = (10_000, 10_000, 9000.0, 9000.0);
-        })),
-        ("a name with a slash", "map", Code::InvalidArgument, spoilt(&|open| open.map = "a/b".into())),
-        ("NaN depth unit", "depth_unit", Code::InvalidArgument, spoilt(&|open| {
-            open.depth_unit_metres = f64::NAN;
-        })),
-        ("estimated poses", "not there yet", Code::Unimplemented, spoilt(&|open| {
-            open.set_pose_source(v1::PoseSource::Estimated);
-        })),
+        (
+            "100 megapixels",
+            "width",
+            Code::InvalidArgument,
+            intrinsics(|i| {
+                (i.width, i.height, i.fx, i.fy) = (10_000, 10_000, 9000.0, 9000.0);
+            }),
+        ),
+        (
+            "a name with a slash",
+            "map",
+            Code::InvalidArgument,
+            spoilt(&|open| open.map = "a/b".into()),
+        ),
+        (
+            "NaN depth unit",
+            "depth_unit",
+            Code::InvalidArgument,
+            spoilt(&|open| {
+                open.depth_unit_metres = f64::NAN;
+            }),
+        ),
+        (
+            "estimated poses",
+            "not there yet",
+            Code::Unimplemented,
+            spoilt(&|open| {
+                open.set_pose_source(v1::PoseSource::Estimated);
+            }),
+        ),
     ];
     for (name, says, code, messages) in cases {
         let status = server.send(messages).await.expect_err(name);

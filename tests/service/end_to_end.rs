@@ -82,9 +82,7 @@ async fn found_in(
         let answer =
             server.engine.query_snapshot(snapshot.clone(), query).await.expect("it is answered");
         let peak = answer.peak.expect("a view query has a peak");
-        found += usize::from(
-            robot.class_at(*frame, peak.x as u32, peak.y as u32) == Some(*class),
-        );
+        found += usize::from(robot.class_at(*frame, peak.x as u32, peak.y as u32) == Some(*class));
     }
     found
 }

@@ -78,8 +78,7 @@ impl Robot {
     /// Pixels of a class in a frame.
     pub fn pixels_of(&self, frame: usize, class: &str) -> usize {
         let instances = self.room.instances();
-        let is_class =
-            |id: &&u8| **id > 0 && instances[usize::from(**id) - 1].class == class;
+        let is_class = |id: &&u8| **id > 0 && instances[usize::from(**id) - 1].class == class;
         self.views[frame].instances.iter().filter(is_class).count()
     }
 }

@@ -42,7 +42,8 @@ impl Server {
     pub async fn start(config: Config) -> Self {
         let bind = || async { TcpListener::bind("127.0.0.1:0").await.expect("a port is free") };
         let (grpc, http) = (bind().await, bind().await);
-        let address = |listener: &TcpListener| listener.local_addr().expect("it is bound").to_string();
+        let address =
+            |listener: &TcpListener| listener.local_addr().expect("it is bound").to_string();
         let (grpc_address, http_address) = (address(&grpc), address(&http));
         let engine = Engine::start(config.pipeline()).expect("the pipeline starts");
         let engine = Arc::new(engine);
