@@ -2,6 +2,8 @@
 .DEFAULT_GOAL := help
 DATASET ?= synthetic:7
 KEEP ?= 0
+# Mesa's device chooser looks for a display and complains where none is: it has nothing to choose here.
+export NODEVICE_SELECT = 1
 
 help: ## Say what there is
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18

@@ -9,11 +9,10 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("server/ lies in the root").into()
 }
 
-/// The server on free ports, with the test's budgets.
+/// The server on free ports.
 fn server() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"));
-    command.current_dir(root()).args(["--config", "configs/tiny.toml"]);
-    command.args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"]);
+    command.current_dir(root()).args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"]);
     command
 }
 

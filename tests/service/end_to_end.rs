@@ -14,9 +14,9 @@ const FRAMES: usize = 72;
 /// A class counts if some keyframe shows it with at least this many pixels.
 const VISIBLE_PIXELS: usize = 700;
 /// Of the visible classes, at least this share is found.
-const FOUND: f64 = 0.6;
+const FOUND: f64 = 0.8;
 /// Shuffled features find at most this share.
-const FOUND_SHUFFLED: f64 = 0.3;
+const FOUND_SHUFFLED: f64 = 0.2;
 
 /// The things in the room that a keyframe shows well: class and the keyframe that shows it best.
 fn visible(robot: &Robot, keyframes: &[usize]) -> Vec<(&'static str, usize)> {

@@ -177,8 +177,8 @@ async fn a_map_has_one_sender_and_a_broken_connection_frees_its_place() {
 
 #[tokio::test]
 async fn a_sender_that_reads_no_acknowledgements_must_wait_and_loses_its_place() {
-    /// More acknowledgements than HTTP/2 windows and queues between the two hold.
-    const FRAMES: u64 = 20_000;
+    /// More acknowledgements (some 100 bytes each) than HTTP/2 windows (2 MiB) and queues hold.
+    const FRAMES: u64 = 100_000;
     let server = Server::start(None).await;
     let (stream, _) = server.opened("ingest-deaf").await;
     let sent = async {
@@ -190,7 +190,7 @@ async fn a_sender_that_reads_no_acknowledgements_must_wait_and_loses_its_place()
         }
         FRAMES
     };
-    let sent = tokio::time::timeout(Duration::from_secs(30), sent).await.expect("it is cut off");
+    let sent = tokio::time::timeout(Duration::from_secs(60), sent).await.expect("it is cut off");
     assert!(sent < FRAMES, "all were read although no acknowledgement was");
     let (next, _) = server.opened("ingest-deaf").await;
     next.finish().await;
