@@ -25,7 +25,7 @@ apt_install() { # apt_install PACKAGE...
     fail "could not install packages; run this as root, then run again: apt-get install $*"
 }
 
-has_library() { ldconfig -p 2>/dev/null | grep -q "$1"; }
+has_library() { [[ $(ldconfig -p 2>/dev/null) == *"$1"* ]]; }
 has_vulkan_driver() {
   [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] ||
     compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null ||
@@ -39,7 +39,7 @@ command -v python3 >/dev/null || fail "Python 3 is missing: apt-get install pyth
 PATH="$PATH:/usr/sbin:/sbin"
 
 packages=()
-has_library 'libvulkan\.so\.1' || packages+=(libvulkan1)
+has_library 'libvulkan.so.1' || packages+=(libvulkan1)
 has_vulkan_driver || packages+=(mesa-vulkan-drivers)
 python3 -m pip --version >/dev/null 2>&1 || packages+=(python3-pip)
 [ ${#packages[@]} = 0 ] || apt_install "${packages[@]}"
