@@ -57,6 +57,7 @@ pub struct Engine {
     language: Arc<LanguageThread>,
     query: QueryThread,
     maps: Mutex<BTreeMap<String, Running>>,
+    creating: Mutex<()>,
 }
 
 impl Engine {
@@ -71,7 +72,15 @@ impl Engine {
         let (vision, text) = bundle.split();
         let language = Arc::new(LanguageThread::start(vision, &config.language)?);
         let query = QueryThread::start(gpu.clone(), text, &config.query)?;
-        Ok(Self { config, gpu, bundle_name, language, query, maps: Mutex::default() })
+        Ok(Self {
+            config,
+            gpu,
+            bundle_name,
+            language,
+            query,
+            maps: Mutex::default(),
+            creating: Mutex::default(),
+        })
     }
 
     /// The adapter's name.
@@ -95,17 +104,22 @@ impl Engine {
     /// [`MapError::Failed`] when its thread or its device memory cannot be had.
     pub fn create(&self, name: &str) -> Result<Arc<Map>, MapError> {
         check_name(name)?;
-        let mut maps = self.locked();
-        if maps.contains_key(name) {
-            return Err(MapError::AlreadyExists { name: name.into() });
-        }
+        // One at a time, so that a name stays free while its mapper starts; that takes a second, in
+        // which the list of maps stays open to readers.
+        let _turn = self.creating.lock().expect("no thread panics while it makes a map");
         let limit = self.config.mapper.max_maps;
-        if maps.len() >= limit {
-            return Err(MapError::TooMany { limit });
+        {
+            let maps = self.locked();
+            if maps.contains_key(name) {
+                return Err(MapError::AlreadyExists { name: name.into() });
+            }
+            if maps.len() >= limit {
+                return Err(MapError::TooMany { limit });
+            }
         }
         let (map, thread) = mapper::spawn(name, &self.gpu, &self.language, &self.config)
             .map_err(|reason| MapError::Failed { name: name.into(), reason })?;
-        maps.insert(name.into(), Running { map: map.clone(), thread });
+        self.locked().insert(name.into(), Running { map: map.clone(), thread });
         Ok(map)
     }
 
