@@ -151,3 +151,23 @@ async fn renders_like_the_frame(server: &Server, robot: &Robot, frame: usize) {
     assert!(same > 20.0, "{same:.1} dB");
     assert!(other < same - 5.0, "another view scores {other:.1} dB, this one {same:.1} dB");
 }
+
+/// Two robots at once, and room for one keyframe at the networks: both maps settle, with language.
+#[tokio::test(flavor = "multi_thread")]
+async fn maps_that_share_the_networks_all_get_their_language() {
+    let mut config = tiny_config();
+    config.language.queue = 1;
+    config.mapper.steps_per_keyframe = 1;
+    let server = Server::start(config).await;
+    let (first, second) = (Robot::new(3, 24), Robot::new(4, 24));
+    let (one, other) =
+        tokio::join!(server.stream(&first, "first"), server.stream(&second, "second"));
+    for (map, acks) in [("first", one), ("second", other)] {
+        server.settled(map).await;
+        let snapshot = server.engine.map(map).expect("it is there").snapshot();
+        assert_eq!(snapshot.keyframes.len(), acks.iter().filter(|ack| ack.keyframe).count());
+        assert!(snapshot.keyframes.len() > 2, "too few keyframes to fill a queue");
+        assert!(snapshot.keyframes.iter().all(|keyframe| keyframe.has_language), "{map}");
+    }
+    server.stop().await;
+}

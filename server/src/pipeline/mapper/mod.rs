@@ -33,6 +33,8 @@ use tokio::sync::mpsc;
 
 /// Which random views are replayed is the same in every run.
 const REPLAY_SEED: u64 = 0x5eed;
+/// How often a map whose keyframes found no room at the language thread asks again.
+const LANGUAGE_RETRY: Duration = Duration::from_millis(20);
 
 /// Starts a map's thread.
 ///
@@ -113,12 +115,19 @@ impl Mapper {
     /// The thread: frames first, optimisation while there are none, sleep when all is done.
     fn run(mut self, mut events: mpsc::Receiver<Event>) {
         loop {
-            let event =
-                if self.has_work() { events.try_recv().ok() } else { events.blocking_recv() };
+            let event = if self.has_work() || self.waits_for_room() {
+                events.try_recv().ok()
+            } else {
+                events.blocking_recv()
+            };
             let done = match event {
                 Some(Event::Stop) => break,
                 Some(event) => self.handle(event),
                 None if self.has_work() => self.optimise_once(),
+                None if self.waits_for_room() => {
+                    std::thread::sleep(LANGUAGE_RETRY);
+                    Ok(())
+                }
                 None => break,
             };
             let done = done.and_then(|()| self.settle());
@@ -138,6 +147,12 @@ impl Mapper {
 
     fn has_work(&self) -> bool {
         self.steps_left > 0 && !self.gaussians.is_empty()
+    }
+
+    /// Other maps' keyframes fill the language thread's queue: nothing will wake this map when there
+    /// is room.
+    fn waits_for_room(&self) -> bool {
+        !self.awaiting_language.is_empty() && self.language_in_flight == 0
     }
 
     fn handle(&mut self, event: Event) -> Result<(), GpuError> {
