@@ -21,7 +21,7 @@ test: ## Format, lints, licences, borders and every test
 	@deploy/setup.sh --tests
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	@if command -v cargo-deny >/dev/null; then cargo deny --all-features check licenses bans sources; \
+	@if command -v cargo-deny >/dev/null; then cargo deny --all-features check --hide-inclusion-graph licenses bans sources; \
 	  else echo 'cargo-deny is not installed: licences, bans and sources are not checked'; fi
 	cargo test --workspace
 

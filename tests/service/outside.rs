@@ -54,3 +54,23 @@ async fn python_streams_and_a_heat_map_comes_back_as_npy() {
     assert_eq!(npy.len() % 64, (120 * 160 * 4) % 64, "a header of whole 64 bytes, then the values");
     server.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_is_told_the_way_grpc_tells_it() {
+    use tonic_health::pb::HealthCheckRequest;
+    use tonic_health::pb::health_check_response::ServingStatus;
+    use tonic_health::pb::health_client::HealthClient;
+    let server = Server::start(tiny_config()).await;
+    let channel = tonic::transport::Channel::from_shared(format!("http://{}", server.grpc))
+        .expect("it is an address")
+        .connect()
+        .await
+        .expect("it listens");
+    let mut health = HealthClient::new(channel);
+    let mut ask =
+        async |service: &str| health.check(HealthCheckRequest { service: service.into() }).await;
+    let mapping = ask("lexsplat.v1.Mapping").await.expect("it is known").into_inner();
+    assert_eq!(mapping.status(), ServingStatus::Serving);
+    assert!(ask("lexsplat.v1.Nothing").await.is_err(), "what is not there is not healthy");
+    server.stop().await;
+}
