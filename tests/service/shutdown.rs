@@ -29,6 +29,8 @@ async fn frames_in_hand_are_finished() {
     let mut client = server.client().await;
     let mut acks =
         client.stream_frames(ReceiverStream::new(outgoing)).await.expect("it opens").into_inner();
+    let opened = acks.next().await.expect("the stream is open").expect("and opens the map");
+    assert_eq!(opened.status(), FrameStatus::Opened);
     let map = server.engine.map("half-way").expect("opening the stream makes the map");
     let mut stop = None;
     let mut server = Some(server);
