@@ -7,6 +7,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::GpuError;
+use crate::profile::Profile;
+use crate::sort::SortShape;
+use crate::tiling::Tiling;
 
 /// A device and its queue; cloning shares them.
 #[derive(Clone)]
@@ -19,6 +22,10 @@ struct Inner {
     device: wgpu::Device,
     queue: wgpu::Queue,
     limits: wgpu::Limits,
+    tiling: Tiling,
+    sort_shape: SortShape,
+    uniforms: Mutex<Vec<wgpu::Buffer>>,
+    profile: Profile,
     fault: Arc<Mutex<Option<Fault>>>,
 }
 
@@ -49,15 +56,42 @@ impl Gpu {
             })?;
         let (name, adapter) = (names[chosen].clone(), adapters.swap_remove(chosen));
         let limits = adapter.limits();
+        let features = adapter.features()
+            & (wgpu::Features::SUBGROUP
+                | wgpu::Features::TIMESTAMP_QUERY
+                | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
+        let info = adapter.get_info();
+        let fixed = info.subgroup_min_size == info.subgroup_max_size
+            && features.contains(wgpu::Features::SUBGROUP);
+        let tiling = fixed
+            .then(|| Tiling::subgroup(info.subgroup_min_size))
+            .flatten()
+            .unwrap_or(Tiling::PORTABLE);
+        let sort_shape = match info.device_type {
+            wgpu::DeviceType::Cpu => SortShape::FEW_THREADS,
+            _ => SortShape::MANY_THREADS,
+        };
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("lexsplat"),
             required_limits: limits.clone(),
+            required_features: features,
             ..Default::default()
         }))
         .map_err(|error| GpuError::NoDevice { adapter: name.clone(), reason: error.to_string() })?;
         let fault = watch(&device);
         tracing::info!(adapter = %name, "device opened");
-        Ok(Gpu { inner: Arc::new(Inner { name, device, queue, limits, fault }) })
+        let inner = Inner {
+            name,
+            device,
+            queue,
+            limits,
+            tiling,
+            sort_shape,
+            uniforms: Mutex::default(),
+            profile: Profile::default(),
+            fault,
+        };
+        Ok(Gpu { inner: Arc::new(inner) })
     }
 
     /// The name that the driver gives the adapter.
@@ -68,6 +102,30 @@ impl Gpu {
     /// Names of all Vulkan adapters of this machine.
     pub fn adapters() -> Vec<String> {
         vulkan_adapters().iter().map(|adapter| adapter.get_info().name).collect()
+    }
+
+    /// How tiles are spread over threads on this adapter.
+    pub fn tiling(&self) -> Tiling {
+        self.inner.tiling
+    }
+
+    /// How sorts are spread over threads on this adapter.
+    pub fn sort_shape(&self) -> SortShape {
+        self.inner.sort_shape
+    }
+
+    pub(crate) fn profile(&self) -> &Profile {
+        &self.inner.profile
+    }
+
+    /// A buffer for uniforms that no recording uses any more.
+    pub(crate) fn spare_uniforms(&self) -> Option<wgpu::Buffer> {
+        self.inner.uniforms.lock().unwrap_or_else(PoisonError::into_inner).pop()
+    }
+
+    /// Gives a buffer for uniforms back, once all that reads it is submitted.
+    pub(crate) fn keep_uniforms(&self, buffer: wgpu::Buffer) {
+        self.inner.uniforms.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
     }
 
     pub(crate) fn device(&self) -> &wgpu::Device {
@@ -104,6 +162,14 @@ impl Gpu {
     /// Waits until the device has done all that was submitted.
     pub(crate) fn wait(&self) -> Result<(), GpuError> {
         let polled = self.device().poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        polled.map(|_| ()).map_err(|error| GpuError::DeviceLost(error.to_string()))
+    }
+
+    /// Waits until the device has done a submission.
+    pub(crate) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        let polled = self.device().poll(wait);
         self.check()?;
         polled.map(|_| ()).map_err(|error| GpuError::DeviceLost(error.to_string()))
     }
