@@ -177,6 +177,14 @@ impl<'a> Recorder<'a> {
         self.encoder.clear_buffer(buffer, 0, None);
     }
 
+    /// Copies the first `bytes` bytes, a multiple of four, of one buffer to another.
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
+        self.pass = None;
+        if bytes > 0 {
+            self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+        }
+    }
+
     /// Hands everything recorded so far to the device; does not wait.
     pub fn submit(mut self) {
         self.flush();

@@ -4,6 +4,7 @@ pub mod adam;
 pub mod blend;
 pub mod buffer;
 mod camera;
+pub mod densify;
 mod device;
 mod error;
 pub mod gather;
@@ -12,6 +13,7 @@ mod gradients;
 pub mod kernel;
 pub mod layout;
 pub mod loss;
+pub mod morton;
 pub mod oracle;
 mod pass;
 pub mod project;
@@ -25,9 +27,12 @@ pub mod tiles;
 
 pub use adam::{HeadRates, LearningRates};
 pub use camera::Camera;
+pub use densify::{DensifyCounts, DensifyRules};
 pub use device::Gpu;
 pub use error::GpuError;
-pub use gaussians::{Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters};
+pub use gaussians::{
+    Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters, Statistics,
+};
 pub use gradients::HeadGradient;
 pub use loss::{LossWeights, Losses};
 pub use render::{ColourImage, LanguageImage, Renderer, TrainingView};

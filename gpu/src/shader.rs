@@ -121,6 +121,8 @@ pub fn catalogue(channels: usize) -> Vec<Shader> {
     shaders.extend(crate::reduce::shaders());
     shaders.extend(crate::tiles::shaders());
     shaders.extend(crate::gather::shaders());
+    shaders.extend(crate::densify::shaders());
+    shaders.extend(crate::morton::shaders());
     shaders.extend(crate::loss::shaders());
     shaders.extend(crate::adam::shaders());
     for (rows, depth) in [(1, true), (rows, false)] {
