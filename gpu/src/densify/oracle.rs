@@ -38,7 +38,8 @@ pub fn decide(
         if !opaque || !fits || seen.largest_radius > rules.max_radius {
             return Fate::Pruned;
         }
-        if seen.views <= 0.0 || seen.gradient_sum < rules.min_gradient * seen.views {
+        let pulled = seen.gradient_sum >= rules.min_gradient * seen.views;
+        if seen.views <= 0.0 || !pulled {
             return Fate::Kept;
         }
         match (within(colour, rules.clone_log_scale), within(language, rules.clone_log_scale)) {
@@ -81,7 +82,7 @@ pub fn normal(seed: u32, parent: u32, child: u32) -> [f64; 3] {
     let stream = hash(hash(parent.wrapping_mul(2).wrapping_add(child)) ^ hash(seed));
     let number = |i: u32| (f64::from(hash(stream.wrapping_add(i)) >> 8) + 0.5) / 16_777_216.0;
     let radius = |i| (-2.0 * f64::ln(number(i))).sqrt();
-    let angle = |i| std::f64::consts::TAU * number(i);
+    let angle = |i| std::f64::consts::TAU * (number(i) - 0.5);
     [radius(0) * angle(2).cos(), radius(0) * angle(2).sin(), radius(1) * angle(3).cos()]
 }
 

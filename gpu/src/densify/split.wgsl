@@ -22,7 +22,8 @@ fn uniform_number(x: u32) -> f32 {
 /// Three numbers with mean 0 and variance 1.
 fn normal(stream: u32) -> vec3<f32> {
     let radius = sqrt(-2.0 * log(vec2<f32>(uniform_number(stream), uniform_number(stream + 1u))));
-    let angle = 6.2831853 * vec2<f32>(uniform_number(stream + 2u), uniform_number(stream + 3u));
+    let turns = vec2<f32>(uniform_number(stream + 2u), uniform_number(stream + 3u));
+    let angle = 6.2831853 * (turns - 0.5);
     return vec3<f32>(radius.x * cos(angle.x), radius.x * sin(angle.x), radius.y * cos(angle.y));
 }
 
