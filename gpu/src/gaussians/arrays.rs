@@ -34,7 +34,7 @@ pub struct Head {
     pub steps: Buffer<u32>,
 }
 
-/// All arrays of a map with room for one capacity.
+/// All arrays of a map, with room for its capacity at least.
 pub struct Arrays {
     /// Centres, one row.
     pub means: Parameters,

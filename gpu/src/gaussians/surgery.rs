@@ -90,12 +90,13 @@ impl Gaussians {
         Ok(())
     }
 
-    /// As [`Gaussians::retain`], by flags on the device: any but 0 stays.
+    /// As [`Gaussians::retain`], by flags on the device: any but 0 stays. Flags beyond the last
+    /// Gaussian are ignored.
     ///
     /// # Errors
-    /// As [`Gaussians::retain`].
+    /// As [`Gaussians::retain`], if there are too few flags.
     pub fn retain_flagged(&mut self, keep: &Buffer<u32>) -> Result<(), GpuError> {
-        expect_len("keep", self.len, keep.len())?;
+        expect_len("keep", self.len, keep.len().min(self.len))?;
         if self.is_empty() {
             return Ok(());
         }

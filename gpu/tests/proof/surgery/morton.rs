@@ -36,6 +36,16 @@ fn morton_order_is_the_oracles() {
 }
 
 #[test]
+fn the_oracles_codes_are_known_ones() {
+    let code = |mean| morton::oracle::code(mean, [0.0; 3], [1.0, 2.0, 4.0]);
+    assert_eq!(code([0.0; 3]), 0);
+    assert_eq!(code([1.0, 2.0, 4.0]), (1 << 30) - 1);
+    assert_eq!(code([1.0, 0.0, 0.0]), 0x0924_9249);
+    assert_eq!(code([0.0, 0.0, 2.0]), 1 << 29);
+    assert_eq!(code([0.0, f32::NAN, 0.0]), 1 << 30);
+}
+
+#[test]
 fn one_place_or_none_keeps_the_order() {
     let gpu = support::gpu();
     for mean in [[1.0, 2.0, 3.0], [f32::NAN; 3]] {

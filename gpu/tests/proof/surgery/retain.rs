@@ -1,13 +1,13 @@
 //! Removing Gaussians, growing, and writing parts of a map.
 
 use super::densify::seen;
-use super::{CHANNELS, LENGTHS, map, pick};
+use super::{CHANNELS, LENGTHS, RULES, map, pick};
 use crate::support;
 
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::{
-    Camera, ColourTarget, Gaussians, Gpu, GpuError, HostGaussians, LanguageTarget, LearningRates,
-    LossWeights, Renderer, Statistics, TrainingView,
+    Camera, ColourTarget, DensifyCounts, DensifyRules, Gaussians, Gpu, GpuError, HostGaussians,
+    LanguageTarget, LearningRates, LossWeights, Renderer, Statistics, TrainingView,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -26,6 +26,7 @@ fn retain_by_either_kind_of_flags_is_a_filter() {
             let index: Vec<u32> = (0..len as u32).filter(|i| keep[*i as usize]).collect();
             let (mut by_host, mut by_device) = (map(&gpu, &host), map(&gpu, &host));
             by_host.retain(&keep).expect("fits");
+            let flags: Vec<u32> = flags.into_iter().chain([1, 1]).collect();
             let flags = Buffer::from_slice(&gpu, "flags", &flags).expect("fits");
             by_device.retain_flagged(&flags).expect("fits");
             let wanted = pick(&host, &index);
@@ -122,4 +123,23 @@ fn language_codes_are_replaced_in_part() {
         assert!(map.set_language_features_from(start, &codes[..len]).is_err(), "{start}, {len}");
     }
     assert!(map.to_host().expect("reads") == host);
+}
+
+#[test]
+fn a_map_that_became_empty_can_do_everything() {
+    let gpu = support::gpu();
+    let host = support::scene(17, 30, CHANNELS, 0.05);
+    let mut map = map(&gpu, &host);
+    map.retain(&[false; 30]).expect("fits");
+    map.retain(&[]).expect("nothing to do");
+    map.retain_flagged(&Buffer::new(&gpu, "none", 0).expect("fits")).expect("nothing to do");
+    map.reorder_morton().expect("nothing to do");
+    assert_eq!(map.densify(&RULES).expect("nothing to do"), DensifyCounts::default());
+    assert!(map.is_empty() && map.read_means().expect("reads").is_empty());
+    assert!(map.statistics().expect("reads").is_empty());
+    map.append(&host).expect("fits");
+    assert!(map.to_host().expect("reads") == host);
+    let all = DensifyRules { min_opacity: 1.0, ..RULES };
+    let pruned = map.densify(&all).expect("fits");
+    assert_eq!((pruned.pruned, pruned.len, map.len()), (30, 0, 0), "no opacity is 1");
 }

@@ -46,6 +46,11 @@ fn measure(gpu: &Gpu, host: &HostGaussians, name: &str, run: &mut dyn FnMut(&mut
 fn time_of_surgery() {
     let gpu = support::gpu();
     println!("adapter {}", gpu.adapter_name());
+    let mut first = map(&gpu, &support::scene(1, 2, 16, 0.01));
+    let time = Instant::now();
+    first.retain(&[true, false]).expect("fits");
+    wait(&gpu);
+    println!("first surgery, which compiles the kernels: {:.1?}", time.elapsed());
     for count in [100_000, 500_000] {
         let mut host = support::scene(1, count, 16, 0.01);
         host.means.shuffle(&mut ChaCha8Rng::seed_from_u64(1));
