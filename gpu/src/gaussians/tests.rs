@@ -199,24 +199,26 @@ fn a_map_that_grew_in_part_is_as_it_was() {
     compare(&gpu, &map, &[]).expect("an empty map");
 }
 
-/// Bytes that are allocated on the device, at most, while `run` runs.
-fn peak(gpu: &Gpu, run: impl FnOnce()) -> u64 {
-    let (done, most) = (AtomicBool::new(false), AtomicU64::new(0));
-    let sample = || {
+/// Bytes that are allocated on the device, at most, while `run` runs, as far as another thread sees
+/// them. `run` gets the number of its looks.
+fn peak(gpu: &Gpu, run: impl FnOnce(&AtomicU64)) -> u64 {
+    let (done, most, looks) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
+    let look = || {
         let report = gpu.device().generate_allocator_report().expect("vulkan keeps accounts");
         most.fetch_max(report.total_allocated_bytes, Ordering::Relaxed);
+        looks.fetch_add(1, Ordering::Relaxed);
     };
     std::thread::scope(|scope| {
         let watch = || {
             while !done.load(Ordering::Relaxed) {
-                sample();
+                look();
             }
         };
         let named = std::thread::Builder::new().name("memory".to_owned());
         named.spawn_scoped(scope, watch).expect("a thread starts");
-        run();
+        run(&looks);
         gpu.wait().expect("the device is there");
-        sample();
+        look();
         done.store(true, Ordering::Relaxed);
     });
     most.load(Ordering::Relaxed)
@@ -231,24 +233,35 @@ fn surgery_and_growth_need_one_array_more() {
         .expect("kernels compile");
     let bytes = || {
         gpu.wait().expect("the device is there");
-        peak(&gpu, || ())
+        peak(&gpu, |_| ())
     };
     let before = bytes();
     let map_bytes = map.device_bytes();
     let keep: Vec<bool> = (0..len).map(|i| i % 10 != 3).collect();
     let report = |name: &str, peak: u64, resting: u64| {
-        let share = (peak - resting) as f64 / map_bytes as f64;
+        let share = (peak as f64 - resting as f64) / map_bytes as f64;
         println!("{name}: {:.1} % of {map_bytes} bytes more", 100.0 * share);
         share
     };
-    let morton = peak(&gpu, || map.reorder_morton().expect("fits"));
+    let morton = peak(&gpu, |_| map.reorder_morton().expect("fits"));
     let morton = report("morton", morton, before);
-    let retain = peak(&gpu, || map.retain(&keep).expect("fits"));
+    let retain = peak(&gpu, |_| map.retain(&keep).expect("fits"));
     let retain = report("retain", retain, before);
-    let grown = peak(&gpu, || map.reserve(2 * len).expect("fits"));
+    let grown = peak(&gpu, |_| map.reserve(2 * len).expect("fits"));
     let growth = report("growth", grown, bytes());
-    // Two rows of 392 bytes are the widest array here, 8 %; lists and staging add to it.
+    // Two rows, 32 bytes of 424 per Gaussian, are the widest array here; lists, staging and what
+    // the device has not given back yet add to it. Whatever the other thread misses is less.
     for (share, most) in [(morton, 0.2), (retain, 0.15), (growth, 0.15)] {
-        assert!(share > 0.05 && share < most, "{share} of the map, at most {most}");
+        assert!(share < most, "{share} of the map, at most {most}");
     }
+    let resting = bytes();
+    let copied = peak(&gpu, |looks| {
+        let copy = Buffer::<u8>::new(&gpu, "second copy", map_bytes as usize).expect("fits");
+        let before = looks.load(Ordering::Relaxed);
+        while looks.load(Ordering::Relaxed) < before + 2 {
+            std::thread::yield_now();
+        }
+        drop(copy);
+    });
+    assert!(report("a copy", copied, resting) >= 1.0, "a second copy must show");
 }
