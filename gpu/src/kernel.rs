@@ -246,10 +246,12 @@ impl<'a> Recorder<'a> {
         self.encoder.clear_buffer(buffer, 0, None);
     }
 
-    /// Copies the first bytes of a buffer into another one.
-    pub fn copy(&mut self, from: &wgpu::Buffer, to: (&wgpu::Buffer, u64), bytes: u64) {
+    /// Copies the first `bytes` bytes, a multiple of four, of one buffer to a place in another.
+    pub fn copy(&mut self, from: &wgpu::Buffer, (to, at): (&wgpu::Buffer, u64), bytes: u64) {
         self.pass = None;
-        self.encoder.copy_buffer_to_buffer(from, 0, to.0, to.1, bytes);
+        if bytes > 0 {
+            self.encoder.copy_buffer_to_buffer(from, 0, to, at, bytes);
+        }
     }
 
     /// Hands everything recorded so far to the device; does not wait.

@@ -4,6 +4,7 @@ pub mod adam;
 pub mod blend;
 pub mod buffer;
 mod camera;
+pub mod densify;
 mod device;
 mod error;
 pub mod gather;
@@ -12,6 +13,7 @@ mod gradients;
 pub mod kernel;
 pub mod layout;
 pub mod loss;
+pub mod morton;
 pub mod oracle;
 pub mod order;
 mod pass;
@@ -23,6 +25,7 @@ pub mod scan;
 pub mod shader;
 pub mod sort;
 mod step;
+pub mod tally;
 mod target;
 pub mod ties;
 pub mod tiles;
@@ -30,9 +33,12 @@ pub mod tiling;
 
 pub use adam::{HeadRates, LearningRates};
 pub use camera::Camera;
+pub use densify::{DensifyCounts, DensifyRules};
 pub use device::Gpu;
 pub use error::GpuError;
-pub use gaussians::{Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters};
+pub use gaussians::{
+    Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters, Statistics,
+};
 pub use gradients::HeadGradient;
 pub use loss::{LossWeights, Losses};
 pub use profile::KernelTime;

@@ -14,6 +14,7 @@ use crate::layout::{HitCount, PassArguments, PixelState, Row};
 use crate::order::{Order, Ranks};
 use crate::project::{HeadGradients, Project, Projected};
 use crate::sort::Sort;
+use crate::tally::Found;
 use crate::tiles::{Hits, Tiles};
 
 /// Room that lists have beyond what a view wanted.
@@ -233,6 +234,13 @@ impl Pass {
             (ranks, &scratch.hits, &training.records),
             &training.gradients,
         );
+    }
+
+    /// What the training step found out about each Gaussian; needs the backward pass.
+    pub fn found<'a>(&'a self, ranks: &'a Ranks) -> Found<'a> {
+        let Training { gradients, corrections, .. } = self.training();
+        let Lists { arguments, splats, .. } = self.lists();
+        Found { arguments, ranks, corrections, gradients, splats }
     }
 
     /// Room for this many hits.

@@ -16,6 +16,7 @@ use crate::loss::Loss;
 use crate::pass::{Lister, Pass};
 use crate::reduce::Reduce;
 use crate::step::{Ledger, RESULT_ROWS};
+use crate::tally::Tally;
 use crate::target::unpad_rows;
 use crate::ties::{Tie, Ties};
 
@@ -72,6 +73,7 @@ pub struct Renderer {
     pub(crate) reduce: Reduce,
     pub(crate) adam: Adam,
     pub(crate) tie: Tie,
+    pub(crate) tally: Tally,
     pub(crate) ties: Ties,
     pub(crate) results: Buffer<Row>,
     pub(crate) ledger: Ledger,
@@ -114,6 +116,7 @@ impl Renderer {
             reduce: Reduce::new(gpu)?,
             adam: Adam::new(gpu)?,
             tie: Tie::new(gpu)?,
+            tally: Tally::new(gpu)?,
             ties: Ties::default(),
             results: Buffer::new(gpu, "results", RESULT_ROWS)?,
             ledger: Ledger::default(),

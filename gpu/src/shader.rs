@@ -131,9 +131,12 @@ pub fn catalogue(channels: usize, tiling: Tiling, sort: SortShape) -> Vec<Shader
     shaders.extend(crate::order::shaders());
     shaders.extend(crate::tiles::shaders(tiling));
     shaders.extend(crate::gather::shaders());
+    shaders.extend(crate::densify::shaders());
+    shaders.extend(crate::morton::shaders());
     shaders.extend(crate::loss::shaders());
     shaders.extend(crate::adam::shaders());
     shaders.extend(crate::ties::shaders());
+    shaders.extend(crate::tally::shaders());
     for (rows, colour) in [(1, true), (layout::rows_for(channels), false)] {
         shaders.extend(crate::project::shaders(tiling, rows, colour));
         shaders.extend(crate::blend::shaders(tiling, rows, colour));

@@ -344,6 +344,7 @@ impl Renderer {
             let rows = (&gradients.moves, MOVE_ROWS);
             let gradients = Gradients { ranks, rows, corrections, count };
             self.adam.update(recorder, &arrays.means, [[step.rates.mean; 4]; 2], gradients);
+            self.tally.add(recorder, self.colour.found(ranks), &arrays.statistics);
         }
         if !self.ties.is_none() {
             let pass = if colour { &self.colour } else { &self.language };

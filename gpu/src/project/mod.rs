@@ -19,7 +19,7 @@ use crate::tiling::Tiling;
 pub mod oracle;
 
 /// Rows of the sums of the colour head, and of the language head.
-const SUM_ROWS: [usize; 2] = [3, 2];
+pub(crate) const SUM_ROWS: [usize; 2] = [3, 2];
 /// Rows of [`HeadGradients::moves`].
 pub const MOVE_ROWS: usize = 3;
 

@@ -9,4 +9,5 @@ mod primitives;
 mod shaders;
 mod speed;
 mod support;
+mod surgery;
 mod training;
