@@ -4,6 +4,7 @@
 
 mod backward;
 mod forward;
+mod optimiser;
 mod oracle;
 mod primitives;
 mod shaders;
