@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod adam;
+pub mod align;
 pub mod blend;
 pub mod buffer;
 mod camera;
@@ -15,6 +16,7 @@ pub mod loss;
 pub mod oracle;
 mod pass;
 pub mod project;
+pub mod pyramid;
 pub mod reduce;
 mod render;
 pub mod scan;
@@ -24,11 +26,13 @@ mod target;
 pub mod tiles;
 
 pub use adam::{HeadRates, LearningRates};
+pub use align::{AlignSettings, Aligned, Aligner, Estimate, NormalSystem, Schedule};
 pub use camera::Camera;
 pub use device::Gpu;
 pub use error::GpuError;
 pub use gaussians::{Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters};
 pub use gradients::HeadGradient;
 pub use loss::{LossWeights, Losses};
+pub use pyramid::{Pyramid, Pyramids};
 pub use render::{ColourImage, LanguageImage, Renderer, TrainingView};
 pub use target::{ColourTarget, LanguageTarget};

@@ -123,6 +123,8 @@ pub fn catalogue(channels: usize) -> Vec<Shader> {
     shaders.extend(crate::gather::shaders());
     shaders.extend(crate::loss::shaders());
     shaders.extend(crate::adam::shaders());
+    shaders.extend(crate::pyramid::shaders());
+    shaders.extend(crate::align::shaders());
     for (rows, depth) in [(1, true), (rows, false)] {
         shaders.extend(crate::project::shaders(depth));
         shaders.extend(crate::blend::shaders(rows, depth));

@@ -2,6 +2,7 @@
 //! differences, and what must hold for any map. All but `shaders` and `oracle` need a Vulkan
 //! adapter and fail without one.
 
+mod align;
 mod backward;
 mod forward;
 mod oracle;
