@@ -5,8 +5,10 @@
 //! With q = T p the point of a live pixel in the reference camera, T = `reference_from_live`:
 //!
 //! - photometric: r = I_ref(pi(q)) - (exp(a) I_live + b), J = [s, q x s, -exp(a) I_live, -1] with
-//!   s = dI_ref/dq of the bilinear interpolation. Accepted where all four taps have an intensity
-//!   and the nearest reference depth, if there is one, passes the gate. Huber.
+//!   s = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (the slopes are
+//!   smoother than the interpolation's own, which jump wherever pi(q) meets a pixel's centre, as
+//!   it does all over when T is the identity). Accepted where all four have an intensity and the
+//!   nearest reference depth, if there is one, passes the gate. Huber.
 //! - geometric: r = n_ref . (q - p_ref), J = [n, q x n, 0, 0], point to plane at the nearest
 //!   reference pixel; accepted where its depth and both normals pass their gates. Huber or Cauchy.
 //!
@@ -29,7 +31,7 @@ pub mod oracle;
 pub mod se3;
 mod solve;
 
-pub use normal_system::{Counts, NormalSystem, Prior, Step};
+pub use normal_system::{Counts, EXPOSURE_LIMIT, NormalSystem, Prior, Step};
 pub use solve::{Aligned, Schedule, align};
 
 /// What is looked for.
@@ -68,7 +70,8 @@ pub struct AlignSettings {
     pub geometric_robust: Robust,
     /// Points farther than this from the reference surface along z are another surface; metres.
     pub depth_gate: f64,
-    /// Normals with a smaller cosine between them are of another surface.
+    /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
+    /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
     pub normal_gate: f64,
     /// One of so many live pixels is looked at.
     pub stride: u32,
@@ -217,10 +220,11 @@ impl Aligner {
 impl Estimate {
     fn check(&self) -> Result<(), GpuError> {
         let pose = self.reference_from_live.to_homogeneous();
-        if pose.iter().chain(&self.exposure).all(|v| v.is_finite()) {
+        let finite = pose.iter().chain(&self.exposure).all(|v| v.is_finite());
+        if finite && self.exposure[0].abs() <= EXPOSURE_LIMIT {
             return Ok(());
         }
-        let (what, expected) = ("estimate", "finite pose and exposure");
+        let (what, expected) = ("estimate", "finite pose and exposure, |a| at most 3");
         Err(GpuError::BadValue { what, expected, found: format!("{self:?}") })
     }
 }

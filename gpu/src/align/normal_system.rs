@@ -7,6 +7,8 @@ use super::{Estimate, se3};
 
 /// Smallest ratio of eigenvalues of the pose's information at which a step is trusted.
 const MIN_CONDITIONING: f64 = 1e-7;
+/// Largest |a| of an exposure: a factor of 20 in brightness.
+pub const EXPOSURE_LIMIT: f64 = 3.0;
 
 /// Live pixels by what became of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -175,11 +177,13 @@ impl Prior {
 }
 
 impl Estimate {
-    /// The estimate after a step.
+    /// The estimate after a step; a stays within ± [`EXPOSURE_LIMIT`].
     pub fn moved(&self, step: &Step) -> Estimate {
+        let a = self.exposure[0] + step.exposure[0];
+        let b = self.exposure[1] + step.exposure[1];
         Estimate {
             reference_from_live: se3::exp(&step.tau) * self.reference_from_live,
-            exposure: [self.exposure[0] + step.exposure[0], self.exposure[1] + step.exposure[1]],
+            exposure: [a.clamp(-EXPOSURE_LIMIT, EXPOSURE_LIMIT), b],
         }
     }
 }

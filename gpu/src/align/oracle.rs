@@ -65,20 +65,23 @@ pub fn pixel(
     let there = reference.rows[surface][1];
     let near = (q.z - there).abs() <= settings.depth_gate;
 
-    let [a, b, c, d] = [tap(0, 0), tap(1, 0), tap(0, 1), tap(1, 1)].map(|tap| tap[0]);
-    if [a, b, c, d, intensity].iter().all(|i| *i >= 0.0) && (near || there <= 0.0) {
-        let (upper, lower) = (a + part[0] * (b - a), c + part[0] * (d - c));
-        let slope_u = (b - a) * (1.0 - part[1]) + (d - c) * part[1];
-        let scaled = [focal[0] * slope_u / q.z, focal[1] * (lower - upper) / q.z];
+    let taps = [tap(0, 0), tap(1, 0), tap(0, 1), tap(1, 1)];
+    let mixed = |i: usize| {
+        let [a, b, c, d] = taps.map(|tap| tap[i]);
+        (1.0 - part[1]) * (a + part[0] * (b - a)) + part[1] * (c + part[0] * (d - c))
+    };
+    let bright = taps.iter().all(|tap| tap[0] >= 0.0) && intensity >= 0.0;
+    if bright && (near || there <= 0.0) {
+        let scaled = [focal[0] * mixed(2) / q.z, focal[1] * mixed(3) / q.z];
         let slope = Vector3::new(scaled[0], scaled[1], -(scaled[0] * q.x + scaled[1] * q.y) / q.z);
         let gain = estimate.exposure[0].exp() * intensity;
-        let value = upper + part[1] * (lower - upper) - gain - estimate.exposure[1];
+        let value = mixed(0) - gain - estimate.exposure[1];
         seen.photometric = Some(residual(value, &q, &slope, [-gain, -1.0]));
     }
-    let normal = |row: [f64; 4]| (row[3] > 0.0).then(|| Vector3::new(row[0], row[1], row[2]));
-    let normals = normal(reference.normals[surface]).zip(normal(live.normals[pixel]));
-    let agreeing = normals.filter(|(n, own)| n.dot(&(pose.rotation * own)) >= settings.normal_gate);
-    if let Some((n, _)) = agreeing.filter(|_| near && there > 0.0) {
+    let normal = |row: [f64; 4]| Vector3::new(row[0], row[1], row[2]);
+    let (n, own) = (normal(reference.normals[surface]), normal(live.normals[pixel]));
+    let agrees = n.dot(&(pose.rotation * own)) >= settings.normal_gate;
+    if agrees && n != Vector3::zeros() && near && there > 0.0 {
         let anchor = ray(camera, nearest[0] as f64, nearest[1] as f64) * there;
         seen.geometric = Some(residual(n.dot(&(q - anchor)), &q, &n, [0.0; 2]));
     }

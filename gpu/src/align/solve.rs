@@ -35,7 +35,7 @@ impl Default for Schedule {
             settings: AlignSettings::default(),
             with_exposure: true,
             prior: None,
-            smallest_step: 1e-5,
+            smallest_step: 1e-4,
         }
     }
 }
@@ -95,7 +95,7 @@ pub fn align<E>(
     }
     let system = match last {
         Some(system) => system,
-        None => system(0, start)?,
+        None => state.descend(schedule, 0, |estimate| system(0, estimate))?,
     };
     Ok(Aligned {
         estimate: state.estimate,

@@ -1,9 +1,9 @@
-// Sums of a Gauss-Newton normal system over live pixels; one partial sum per thread.
+// A Gauss-Newton normal system over live pixels; each thread sums SYSTEM_RUN of them.
 //
 // A live pixel with depth is the point q = T p in the reference camera, seen at pi(q).
 //   r_p = I_ref(pi(q)) - (e^a I_live + b)      J = [s, q x s, -e^a I_live, -1], s = dI_ref/dq
 //   r_g = n_ref . (q - p_ref)                  J = [n, q x n, 0, 0]
-// I_ref and its slopes are interpolated between four pixels; p_ref and n_ref are of the nearest.
+// I_ref and its slopes are interpolated between four pixels; p_ref and n_ref are the nearest's.
 // T <- Exp(tau) T, tau = [rho, theta]: dq/drho = 1, dq/dtheta = -[q]x.
 // With weight w = (term's weight) rho'(r) / r:  H += w J J^T,  g += w r J,  cost += weight rho(r).
 
@@ -108,15 +108,13 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let d = reference[first + size.x + 1u];
     let step = select(vec2<u32>(0u), vec2<u32>(1u), part >= vec2<f32>(0.5));
     let nearest = first + step.x + step.y * size.x;
-    let depth = reference[nearest].y;
+    let depth = select(select(a.y, b.y, step.x > 0u), select(c.y, d.y, step.x > 0u), step.y > 0u);
     let near = abs(q.z - depth) <= arguments.gates.x;
 
-    let upper = mix(a.x, b.x, part.x);
-    let lower = mix(c.x, d.x, part.x);
-    let uv = vec2<f32>(mix(b.x - a.x, d.x - c.x, part.y), lower - upper);
+    let mixed = mix(mix(a.xzw, b.xzw, part.x), mix(c.xzw, d.xzw, part.x), part.y);
     let gain = arguments.exposure.x * seen.x;
-    let change = mix(upper, lower, part.y) - gain - arguments.exposure.y;
-    let scaled = focal * uv * inverse;
+    let change = mixed.x - gain - arguments.exposure.y;
+    let scaled = focal * mixed.yz * inverse;
     let bright = min(min(a.x, b.x), min(c.x, d.x)) >= 0.0 && seen.x >= 0.0;
     let photometric = term(change, q, vec3<f32>(scaled, -dot(scaled, q.xy) * inverse),
         vec2<f32>(-gain, -1.0), huber(change, arguments.thresholds.x),
