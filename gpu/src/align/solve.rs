@@ -9,6 +9,8 @@ use super::{AlignSettings, Estimate, NormalSystem, Prior};
 const FIRST_DAMPING: f64 = 1e-4;
 /// Damping goes up or down by this factor.
 const DAMPING_FACTOR: f64 = 10.0;
+/// A step that raises the cost, but by less than this part, was taken at the bottom.
+const FLAT: f64 = 1e-3;
 /// Damping stays between these.
 const DAMPING_RANGE: (f64, f64) = (1e-8, 1e3);
 
@@ -23,7 +25,8 @@ pub struct Schedule {
     pub with_exposure: bool,
     /// What is known of the pose beforehand.
     pub prior: Option<Prior>,
-    /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians.
+    /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or when
+    /// it hardly raises the cost.
     pub smallest_step: f64,
 }
 
@@ -54,7 +57,7 @@ pub struct Aligned {
     pub system: NormalSystem,
     /// Systems that were summed.
     pub evaluations: usize,
-    /// True if the last level ended with a step below the smallest.
+    /// True if the last level was done before its steps were used up.
     pub converged: bool,
 }
 
@@ -134,7 +137,8 @@ impl State {
             let trial = self.estimate.moved(&step);
             let next = system(&trial)?;
             self.evaluations += 1;
-            let better = cost(&next, &trial, prior) <= cost(&current, &self.estimate, prior);
+            let costs = [cost(&current, &self.estimate, prior), cost(&next, &trial, prior)];
+            let better = costs[1] <= costs[0];
             if better {
                 (self.estimate, current) = (trial, next);
                 damping /= DAMPING_FACTOR;
@@ -142,7 +146,8 @@ impl State {
                 damping *= DAMPING_FACTOR;
             }
             damping = damping.clamp(DAMPING_RANGE.0, DAMPING_RANGE.1);
-            if step.tau.norm() < schedule.smallest_step {
+            let flat = !better && costs[1] <= (1.0 + FLAT) * costs[0];
+            if flat || step.tau.norm() < schedule.smallest_step {
                 self.converged = true;
                 break;
             }

@@ -7,6 +7,8 @@ mod backward;
 mod forward;
 mod oracle;
 mod primitives;
+mod pyramid;
+mod room;
 mod shaders;
 mod speed;
 mod support;
