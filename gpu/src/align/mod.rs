@@ -69,9 +69,11 @@ pub struct AlignSettings {
     /// How slowly.
     pub geometric_robust: Robust,
     /// Points farther than this from the reference surface along z are another surface; metres.
+    /// [`Aligner::align`] doubles it with each coarser level.
     pub depth_gate: f64,
     /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
-    /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
+    /// live pixel must have a normal; a gate of -1 looks at the reference's alone, which is best
+    /// for noisy depth and large motions.
     pub normal_gate: f64,
     /// One of so many live pixels is looked at.
     pub stride: u32,
@@ -87,7 +89,7 @@ impl Default for AlignSettings {
             geometric_threshold: 0.02,
             geometric_robust: Robust::Huber,
             depth_gate: 0.1,
-            normal_gate: 0.8,
+            normal_gate: -1.0,
             stride: 1,
         }
     }
@@ -187,7 +189,7 @@ impl Aligner {
         crate::error::expect_len("levels", wanted, available.min(wanted))?;
         align(start, schedule, |level, estimate| {
             let levels = (&reference.levels()[level], &live.levels()[level]);
-            self.system(levels.0, levels.1, estimate, &schedule.settings)
+            self.system(levels.0, levels.1, estimate, &schedule.settings.at_level(level))
         })
     }
 
@@ -230,6 +232,11 @@ impl Estimate {
 }
 
 impl AlignSettings {
+    /// These settings for a coarser level, where the way to go may still be long.
+    fn at_level(self, level: usize) -> Self {
+        Self { depth_gate: self.depth_gate * (1u64 << level.min(32)) as f64, ..self }
+    }
+
     fn check(&self) -> Result<(), GpuError> {
         let weights = [self.photometric_weight, self.geometric_weight];
         let limits = [self.photometric_threshold, self.geometric_threshold, self.depth_gate];

