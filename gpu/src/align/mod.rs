@@ -34,8 +34,8 @@ mod solve;
 pub use normal_system::{Counts, EXPOSURE_LIMIT, NormalSystem, Prior, Step};
 pub use solve::{Aligned, Schedule, align};
 
-/// What is looked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What is looked for; by default the reference's own pose and exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Estimate {
     /// Maps points of the live camera, metres, into the reference camera.
     pub reference_from_live: Isometry3<f64>,

@@ -13,6 +13,8 @@ const DAMPING_FACTOR: f64 = 10.0;
 const RETRY_DAMPING: f64 = 0.1;
 /// A step that changes the cost by no more than this part of it was taken at the bottom.
 const FLAT: f64 = 1e-3;
+/// A step that loses more of the residuals has left the scene, however low their cost.
+const KEPT: f64 = 0.5;
 /// Damping stays between these.
 const DAMPING_RANGE: (f64, f64) = (1e-8, 1e3);
 
@@ -140,7 +142,8 @@ impl State {
             let next = system(&trial)?;
             self.evaluations += 1;
             let costs = [cost(&current, &self.estimate, prior), cost(&next, &trial, prior)];
-            let better = costs[1] <= costs[0];
+            let better = costs[1] <= costs[0]
+                && f64::from(next.residuals()) >= KEPT * f64::from(current.residuals());
             // A step that damping made short says nothing of the bottom.
             let done = damping < RETRY_DAMPING
                 && (step.tau.norm() < schedule.smallest_step

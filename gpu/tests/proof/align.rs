@@ -1,6 +1,6 @@
 //! Alignment: systems against the oracle, Jacobians against differences, known motions found again.
 
-use crate::room::{Bench, Frame, camera, distance, motion, shoot, spoil, start};
+use crate::room::{Bench, Frame, camera, distance, motion, shoot};
 
 use lexsplat_gpu::align::oracle::{self, Seen};
 use lexsplat_gpu::align::{Prior, Robust, align, se3};
@@ -204,7 +204,8 @@ fn a_known_motion_is_found() {
     ] {
         let (reference, live) = bench.pair((320, 180), 3, outliers);
         let schedule = Schedule { settings, with_exposure, ..Schedule::default() };
-        let found = bench.aligner.align(&reference, &live, &start(), &schedule).expect("sums");
+        let found =
+            bench.aligner.align(&reference, &live, &Estimate::default(), &schedule).expect("sums");
         let (metres, radians) = distance(&found.estimate, &motion());
         let [a, b] = found.estimate.exposure;
         println!(
@@ -245,7 +246,7 @@ fn the_loop_needs_no_device_and_a_wrong_sign_finds_nothing() {
     let settings = AlignSettings { depth_gate: 0.3, ..AlignSettings::default() };
     let schedule = Schedule { steps: vec![12], ..Schedule::default() };
     let found = |sign: f64| {
-        align(&start(), &schedule, |level, estimate| {
+        align(&Estimate::default(), &schedule, |level, estimate| {
             assert_eq!(level, 0);
             let mut system = oracle::system((&reference, &live), estimate, &settings);
             system.g *= sign;
@@ -260,6 +261,29 @@ fn the_loop_needs_no_device_and_a_wrong_sign_finds_nothing() {
     let wrong = found(-1.0);
     let (metres, radians) = distance(&wrong.estimate, &motion());
     assert!(metres > 0.02 && radians > 0.03 && !wrong.converged, "{metres} {radians}");
+}
+
+#[test]
+fn a_step_out_of_the_scene_is_not_taken() {
+    // Away from the start the cost per residual is lower, and `kept` residuals are left.
+    let found = |kept: u32| {
+        let schedule = Schedule { steps: vec![1], ..Schedule::default() };
+        align(&Estimate::default(), &schedule, |_, estimate| {
+            let moved = estimate.reference_from_live.translation.vector.norm() > 0.0;
+            let mut system = NormalSystem::default();
+            system.h.fill_with_identity();
+            system.g[0] = -0.1;
+            system.counts.photometric = if moved { kept } else { 1000 };
+            system.photometric_cost = f64::from(system.counts.photometric);
+            system.photometric_cost *= if moved { 0.5 } else { 1.0 };
+            Ok::<_, GpuError>(system)
+        })
+        .expect("no errors here")
+        .estimate
+    };
+    assert_eq!(found(400), Estimate::default());
+    let moved = found(600).reference_from_live.translation.x;
+    assert!((moved - 0.1).abs() < 1e-4, "{moved}");
 }
 
 #[test]
@@ -343,7 +367,7 @@ fn what_cannot_be_seen_is_left_to_the_prior() {
         reference_from_live: off.reference_from_live,
     };
     let schedule = Schedule { prior: Some(prior), ..schedule };
-    let found = bench.aligner.align(&wall, &wall, &start(), &schedule).expect("sums");
+    let found = bench.aligner.align(&wall, &wall, &Estimate::default(), &schedule).expect("sums");
     let (metres, radians) = distance(&found.estimate, &off);
     assert!(metres < 1e-4 && radians < 1e-4, "{metres} {radians}");
 }
@@ -358,11 +382,17 @@ fn bad_input_is_refused_or_counts_nothing() {
         let mut frame = shoot(&camera, &Isometry3::identity(), [0.0; 2]);
         frame.depth.fill(depth);
         let empty = bench.pyramid(&camera, &frame, 2);
-        let found = bench.aligner.align(&good, &empty, &start(), &schedule).expect("sums");
-        assert_eq!((found.system.residuals(), found.estimate), (0, start()), "depth {depth}");
+        let found =
+            bench.aligner.align(&good, &empty, &Estimate::default(), &schedule).expect("sums");
+        assert_eq!(
+            (found.system.residuals(), found.estimate),
+            (0, Estimate::default()),
+            "depth {depth}"
+        );
         assert_eq!((found.conditioning, found.converged), (0.0, false));
         assert_eq!(found.system.cost(), 0.0);
-        let found = bench.aligner.align(&empty, &good, &start(), &schedule).expect("sums");
+        let found =
+            bench.aligner.align(&empty, &good, &Estimate::default(), &schedule).expect("sums");
         assert_eq!(found.system.counts.geometric, 0, "depth {depth}");
         assert!(found.system.h.iter().all(|v| v.is_finite()));
     }
@@ -385,12 +415,12 @@ fn bad_input_is_refused_or_counts_nothing() {
         matches!(error, Err(GpuError::BadValue { .. }))
     };
     let settings = AlignSettings::default();
-    assert!(!refused(&start(), &settings), "levels of different sizes are fine");
-    let mut lost = start();
+    assert!(!refused(&Estimate::default(), &settings), "levels of different sizes are fine");
+    let mut lost = Estimate::default();
     lost.reference_from_live.translation.x = f64::NAN;
     assert!(refused(&lost, &settings));
-    assert!(refused(&Estimate { exposure: [0.0, f64::NAN], ..start() }, &settings));
-    assert!(refused(&Estimate { exposure: [9.0, 0.0], ..start() }, &settings));
+    assert!(refused(&Estimate { exposure: [0.0, f64::NAN], ..Estimate::default() }, &settings));
+    assert!(refused(&Estimate { exposure: [9.0, 0.0], ..Estimate::default() }, &settings));
     for bad in [
         AlignSettings { stride: 0, ..settings },
         AlignSettings { photometric_weight: -1.0, ..settings },
@@ -398,63 +428,13 @@ fn bad_input_is_refused_or_counts_nothing() {
         AlignSettings { depth_gate: f64::INFINITY, ..settings },
         AlignSettings { normal_gate: f64::NAN, ..settings },
     ] {
-        assert!(refused(&start(), &bad), "{bad:?}");
+        assert!(refused(&Estimate::default(), &bad), "{bad:?}");
     }
     let schedule = Schedule { steps: vec![1; 3], ..Schedule::default() };
-    let error = bench.aligner.align(&good, &good, &start(), &schedule);
+    let error = bench.aligner.align(&good, &good, &Estimate::default(), &schedule);
     assert!(matches!(error, Err(GpuError::ShapeMismatch { what: "levels", .. })));
     let mut good = good;
     let error = bench.pyramids.fill(&mut good, &[0; 7], &vec![1.0; 1200]);
     assert!(matches!(error, Err(GpuError::ShapeMismatch { what: "rgb8", .. })));
     assert!(bench.pyramids.allocate(&camera, 9).is_err());
-}
-
-#[test]
-#[ignore = "a measurement, not a test"]
-fn align_speed() {
-    let mut bench = Bench::new();
-    let camera = camera(600, 340);
-    let mut frame = shoot(&camera, &Isometry3::identity(), [0.0; 2]);
-    spoil(&mut frame, 3, 0.0);
-    let mut pyramid = bench.pyramid(&camera, &frame, 3);
-    let time = median(&mut || {
-        bench.pyramids.fill(&mut pyramid, &frame.rgb, &frame.depth).expect("fits");
-        pyramid.levels()[2].normals.read(&bench.gpu, 1).expect("reads");
-    });
-    println!("pyramid of 3 levels from 600x340: {time:.2?}");
-    let time = median(&mut || {
-        pyramid.levels()[2].normals.read(&bench.gpu, 1).expect("reads");
-    });
-    println!("read-back alone: {time:.2?}");
-    let (reference, live) = bench.pair((600, 340), 3, 0.0);
-    for level in 0..3 {
-        for stride in [1, 4, 16] {
-            let levels = (&reference.levels()[level], &live.levels()[level]);
-            let settings = AlignSettings { stride, ..AlignSettings::default() };
-            let mut run = || {
-                bench.aligner.system(levels.0, levels.1, &motion(), &settings).expect("sums");
-            };
-            let time = median(&mut run);
-            println!("system at level {level}, stride {stride}: {time:.2?}");
-        }
-    }
-    let time = median(&mut || {
-        bench.aligner.align(&reference, &live, &start(), &Schedule::default()).expect("sums");
-    });
-    println!("align: {time:.2?}");
-}
-
-/// Median of 20 after a warm-up.
-fn median(run: &mut dyn FnMut()) -> std::time::Duration {
-    run();
-    let mut times: Vec<_> = (0..20)
-        .map(|_| {
-            let start = std::time::Instant::now();
-            run();
-            start.elapsed()
-        })
-        .collect();
-    times.sort();
-    print!("[best {:.2?}] ", times[0]);
-    times[10]
 }

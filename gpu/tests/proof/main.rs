@@ -3,6 +3,7 @@
 //! adapter and fail without one.
 
 mod align;
+mod align_speed;
 mod backward;
 mod forward;
 mod oracle;

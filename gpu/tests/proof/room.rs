@@ -91,10 +91,6 @@ pub fn motion() -> Estimate {
     Estimate { reference_from_live: se3::exp(&tau), exposure: [0.1, 0.02] }
 }
 
-pub fn start() -> Estimate {
-    Estimate { reference_from_live: Isometry3::identity(), exposure: [0.0; 2] }
-}
-
 /// Metres and radians between two poses.
 pub fn distance(a: &Estimate, b: &Estimate) -> (f64, f64) {
     let off = a.reference_from_live.inverse() * b.reference_from_live;
