@@ -117,6 +117,20 @@ constants! {
     MORTON_CELLS: u32 = 1024;
     /// Key of what has no place: behind all Morton codes.
     MORTON_LAST: u32 = 0x4000_0000;
+    /// Weight of red in an intensity (Rec. 601).
+    LUMA_RED: f32 = 0.299;
+    /// Weight of green.
+    LUMA_GREEN: f32 = 0.587;
+    /// Weight of blue.
+    LUMA_BLUE: f32 = 0.114;
+    /// Depths within this part of each other are one surface.
+    DEPTH_AGREEMENT: f32 = 0.05;
+    /// A rendered pixel must be more opaque than this to have an intensity and a depth.
+    MIN_OPACITY: f32 = 0.5;
+    /// Rows of a normal system: 36 of the matrix, 8 of the gradient, 8 sums.
+    SYSTEM_ROWS: u32 = 13;
+    /// Pixels that one thread adds to a normal system.
+    SYSTEM_RUN: u32 = 64;
 }
 
 structs! {
@@ -308,6 +322,50 @@ structs! {
         unused: [u32; 3] => "vec3<u32>",
         /// Number of Gaussians.
         count: u32 => "u32",
+    }
+    /// For the kernels of a pyramid.
+    PyramidArguments {
+        /// Focal lengths of the level, in pixels.
+        focal: [f32; 2] => "vec2<f32>",
+        /// Principal point, in pixels.
+        centre: [f32; 2] => "vec2<f32>",
+        /// Width and height, in pixels.
+        size: [u32; 2] => "vec2<u32>",
+        /// Width of the next finer level, when it is halved.
+        fine_width: u32 => "u32",
+        /// Fills the struct to 32 bytes.
+        unused: u32 => "u32",
+    }
+    /// For the kernel of a normal system.
+    AlignArguments {
+        /// First row of `reference_from_live`.
+        pose_x: Row => "vec4<f32>",
+        /// Second row.
+        pose_y: Row => "vec4<f32>",
+        /// Third row.
+        pose_z: Row => "vec4<f32>",
+        /// Focal lengths and principal point of the reference, in pixels.
+        reference: Row => "vec4<f32>",
+        /// Those of the live level.
+        live: Row => "vec4<f32>",
+        /// Width and height of the reference, in pixels.
+        reference_size: [u32; 2] => "vec2<u32>",
+        /// Exposure: factor exp(a) and offset b.
+        exposure: [f32; 2] => "vec2<f32>",
+        /// Weights of the photometric and of the geometric term.
+        weights: [f32; 2] => "vec2<f32>",
+        /// Their robust thresholds: intensity, metres.
+        thresholds: [f32; 2] => "vec2<f32>",
+        /// Largest difference of depths in metres, smallest cosine between normals.
+        gates: [f32; 2] => "vec2<f32>",
+        /// Width and height of the live level, in pixels.
+        live_size: [u32; 2] => "vec2<u32>",
+        /// Number of live pixels that are looked at.
+        count: u32 => "u32",
+        /// One of so many live pixels is looked at.
+        stride: u32 => "u32",
+        /// Fills the struct to 144 bytes.
+        unused: [u32; 2] => "vec2<u32>",
     }
 }
 

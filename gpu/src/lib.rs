@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod adam;
+pub mod align;
 pub mod blend;
 pub mod buffer;
 mod camera;
@@ -19,6 +20,7 @@ pub mod order;
 mod pass;
 mod profile;
 pub mod project;
+pub mod pyramid;
 pub mod reduce;
 mod render;
 pub mod scan;
@@ -32,6 +34,7 @@ pub mod tiles;
 pub mod tiling;
 
 pub use adam::{HeadRates, LearningRates};
+pub use align::{AlignSettings, Aligned, Aligner, Estimate, NormalSystem, Schedule};
 pub use camera::Camera;
 pub use densify::{DensifyCounts, DensifyRules};
 pub use device::Gpu;
@@ -42,6 +45,7 @@ pub use gaussians::{
 pub use gradients::HeadGradient;
 pub use loss::{LossWeights, Losses};
 pub use profile::KernelTime;
+pub use pyramid::{Pyramid, Pyramids};
 pub use render::{ColourImage, Contribution, LanguageImage, Renderer};
 pub use step::{StepReport, TrainingView};
 pub use target::{ColourTarget, LanguageTarget};

@@ -137,6 +137,8 @@ pub fn catalogue(channels: usize, tiling: Tiling, sort: SortShape) -> Vec<Shader
     shaders.extend(crate::adam::shaders());
     shaders.extend(crate::ties::shaders());
     shaders.extend(crate::tally::shaders());
+    shaders.extend(crate::pyramid::shaders());
+    shaders.extend(crate::align::shaders());
     for (rows, colour) in [(1, true), (layout::rows_for(channels), false)] {
         shaders.extend(crate::project::shaders(tiling, rows, colour));
         shaders.extend(crate::blend::shaders(tiling, rows, colour));

@@ -2,11 +2,15 @@
 //! differences, and what must hold for any map. All but `shaders` and `oracle` need a Vulkan
 //! adapter and fail without one.
 
+mod align;
+mod align_speed;
 mod backward;
 mod forward;
 mod optimiser;
 mod oracle;
 mod primitives;
+mod pyramid;
+mod room;
 mod shaders;
 mod speed;
 mod support;

@@ -1,0 +1,179 @@
+//! Coarse to fine: Levenberg-Marquardt on each level, from the coarsest to the finest. Knows no
+//! device: normal systems come from a function.
+
+use nalgebra::Matrix6;
+
+use super::{AlignSettings, Estimate, NormalSystem, Prior};
+
+/// Damping of the first step of a level.
+const FIRST_DAMPING: f64 = 1e-4;
+/// Damping goes up or down by this factor.
+const DAMPING_FACTOR: f64 = 10.0;
+/// Damping after a step that raised the cost: the least that shortens the next one.
+const RETRY_DAMPING: f64 = 0.1;
+/// A step that changes the cost by no more than this part of it was taken at the bottom.
+const FLAT: f64 = 1e-3;
+/// A step that loses more of the residuals has left the scene, however low their cost.
+const KEPT: f64 = 0.5;
+/// Damping stays between these.
+const DAMPING_RANGE: (f64, f64) = (1e-8, 1e3);
+
+/// How the levels are gone through.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedule {
+    /// Most steps per level, finest first; a level with none is skipped.
+    pub steps: Vec<usize>,
+    /// Weights, thresholds and gates; [`super::Aligner::align`] widens the depth gate on coarse levels.
+    pub settings: AlignSettings,
+    /// Whether the exposure is estimated.
+    pub with_exposure: bool,
+    /// What is known of the pose beforehand.
+    pub prior: Option<Prior>,
+    /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or when
+    /// it hardly changes the cost.
+    pub smallest_step: f64,
+}
+
+impl Default for Schedule {
+    /// Three levels of 3, 4 and 6 steps.
+    fn default() -> Self {
+        Self {
+            steps: vec![3, 4, 6],
+            settings: AlignSettings::default(),
+            with_exposure: true,
+            prior: None,
+            smallest_step: 1e-4,
+        }
+    }
+}
+
+/// Where the live image was taken, and how far that can be believed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aligned {
+    /// Pose and exposure.
+    pub estimate: Estimate,
+    /// Information of [rho, theta] at the estimate, left perturbation, without the prior's; see
+    /// [`NormalSystem::information`].
+    pub information: Matrix6<f64>,
+    /// Smallest over largest eigenvalue of the information; near 0 when some motion is not seen.
+    pub conditioning: f64,
+    /// The last level's system at the estimate: costs and counts.
+    pub system: NormalSystem,
+    /// Systems that were summed.
+    pub evaluations: usize,
+    /// True if the last level was done before its steps were used up.
+    pub converged: bool,
+}
+
+impl Aligned {
+    /// Part of the live pixels with depth that fall into the reference image, 0 to 1.
+    pub fn overlap(&self) -> f64 {
+        share(self.system.counts.inside, self.system.counts.live)
+    }
+
+    /// Part of the live pixels with depth whose intensity agrees with the reference, 0 to 1.
+    pub fn photometric_inliers(&self) -> f64 {
+        share(self.system.counts.photometric_inliers, self.system.counts.live)
+    }
+
+    /// Part of the live pixels with depth that lie on the reference's surface, 0 to 1.
+    pub fn geometric_inliers(&self) -> f64 {
+        share(self.system.counts.geometric_inliers, self.system.counts.live)
+    }
+}
+
+/// Moves `start` to where the cost per residual is least. `system(level, estimate)` sums one normal
+/// system. A level whose system cannot be solved leaves the estimate as it is: [`Aligned`] then
+/// says so by its conditioning and counts.
+///
+/// # Errors
+/// Those of `system`.
+pub fn align<E>(
+    start: &Estimate,
+    schedule: &Schedule,
+    mut system: impl FnMut(usize, &Estimate) -> Result<NormalSystem, E>,
+) -> Result<Aligned, E> {
+    let mut state = State { estimate: *start, evaluations: 0, converged: false };
+    let mut last = None;
+    for (level, steps) in schedule.steps.iter().enumerate().rev() {
+        if *steps > 0 {
+            last = Some(state.descend(schedule, *steps, |estimate| system(level, estimate))?);
+        }
+    }
+    let system = match last {
+        Some(system) => system,
+        None => state.descend(schedule, 0, |estimate| system(0, estimate))?,
+    };
+    Ok(Aligned {
+        estimate: state.estimate,
+        information: system.information(schedule.with_exposure),
+        conditioning: system.conditioning(schedule.with_exposure, None),
+        system,
+        evaluations: state.evaluations,
+        converged: state.converged,
+    })
+}
+
+struct State {
+    estimate: Estimate,
+    evaluations: usize,
+    converged: bool,
+}
+
+impl State {
+    /// Goes down on one level; the system at the estimate it ends at.
+    fn descend<E>(
+        &mut self,
+        schedule: &Schedule,
+        steps: usize,
+        mut system: impl FnMut(&Estimate) -> Result<NormalSystem, E>,
+    ) -> Result<NormalSystem, E> {
+        let prior = schedule.prior.as_ref();
+        let mut current = system(&self.estimate)?;
+        let mut damping = FIRST_DAMPING;
+        self.evaluations += 1;
+        self.converged = false;
+        for _ in 0..steps {
+            let with_prior = prior.map(|prior| (prior, &self.estimate));
+            let Some(step) = current.solve(damping, schedule.with_exposure, with_prior) else {
+                break;
+            };
+            let trial = self.estimate.moved(&step);
+            let next = system(&trial)?;
+            self.evaluations += 1;
+            let costs = [cost(&current, &self.estimate, prior), cost(&next, &trial, prior)];
+            let better = costs[1] <= costs[0]
+                && f64::from(next.residuals()) >= KEPT * f64::from(current.residuals());
+            // A step that damping made short says nothing of the bottom.
+            let done = damping < RETRY_DAMPING
+                && (step.tau.norm() < schedule.smallest_step
+                    || (costs[1] - costs[0]).abs() <= FLAT * costs[0]);
+            if better {
+                (self.estimate, current) = (trial, next);
+                damping /= DAMPING_FACTOR;
+            } else {
+                damping = (damping * DAMPING_FACTOR).max(RETRY_DAMPING);
+            }
+            damping = damping.clamp(DAMPING_RANGE.0, DAMPING_RANGE.1);
+            if done {
+                self.converged = true;
+                break;
+            }
+        }
+        Ok(current)
+    }
+}
+
+/// Cost per residual, so that estimates with different numbers of them can be compared; infinite
+/// without any.
+fn cost(system: &NormalSystem, estimate: &Estimate, prior: Option<&Prior>) -> f64 {
+    let prior = prior.map_or(0.0, |prior| prior.cost(&estimate.reference_from_live));
+    match system.residuals() {
+        0 => f64::INFINITY,
+        residuals => (system.cost() + prior) / f64::from(residuals),
+    }
+}
+
+fn share(part: u32, whole: u32) -> f64 {
+    f64::from(part) / f64::from(whole.max(1))
+}

@@ -1,0 +1,63 @@
+//! Timings of pyramids and alignment, for a person to read:
+//! `cargo test -p lexsplat-gpu align_speed -- --ignored --nocapture`.
+
+use std::time::{Duration, Instant};
+
+use crate::room::{Bench, camera, motion, shoot, spoil};
+
+use lexsplat_gpu::{AlignSettings, Estimate, Schedule};
+use nalgebra::Isometry3;
+
+#[test]
+#[ignore = "a measurement, not a test"]
+fn time_of_pyramid_and_alignment() {
+    let mut bench = Bench::new();
+    let camera = camera(600, 340);
+    let mut frame = shoot(&camera, &Isometry3::identity(), [0.0; 2]);
+    spoil(&mut frame, 3, 0.0);
+    let mut pyramid = bench.pyramid(&camera, &frame, 3);
+    let taken = time(&mut || {
+        bench.pyramids.fill(&mut pyramid, &frame.rgb, &frame.depth).expect("fits");
+        pyramid.levels()[2].normals.read(&bench.gpu, 1).expect("reads");
+    });
+    println!("pyramid of 3 levels from 600x340: {taken}");
+    let taken = time(&mut || {
+        pyramid.levels()[2].normals.read(&bench.gpu, 1).expect("reads");
+    });
+    println!("read-back alone: {taken}");
+    let (reference, live) = bench.pair((600, 340), 3, 0.0);
+    for level in 0..3 {
+        for stride in [1, 4, 16] {
+            let levels = (&reference.levels()[level], &live.levels()[level]);
+            let settings = AlignSettings { stride, ..AlignSettings::default() };
+            let mut run = || {
+                bench.aligner.system(levels.0, levels.1, &motion(), &settings).expect("sums");
+            };
+            let taken = time(&mut run);
+            println!("system at level {level}, stride {stride}: {taken}");
+        }
+    }
+    let mut systems = 0;
+    let taken = time(&mut || {
+        let found = bench
+            .aligner
+            .align(&reference, &live, &Estimate::default(), &Schedule::default())
+            .expect("sums");
+        systems = found.evaluations;
+    });
+    println!("align over 3 levels, {systems} systems: {taken}");
+}
+
+/// Median and best of 20 after a warm-up.
+fn time(run: &mut dyn FnMut()) -> String {
+    run();
+    let mut times: Vec<Duration> = (0..20)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed()
+        })
+        .collect();
+    times.sort();
+    format!("median {:.2?}, best {:.2?}", times[10], times[0])
+}
