@@ -4,6 +4,7 @@
 
 mod backward;
 mod forward;
+mod golden;
 mod oracle;
 mod primitives;
 mod shaders;
