@@ -25,7 +25,7 @@ pub mod tiles;
 
 pub use adam::{HeadRates, LearningRates};
 pub use camera::Camera;
-pub use device::Gpu;
+pub use device::{AdapterReport, Gpu, SOFTWARE_SUBGROUP, Tier};
 pub use error::GpuError;
 pub use gaussians::{Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters};
 pub use gradients::HeadGradient;

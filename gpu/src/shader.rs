@@ -129,3 +129,8 @@ pub fn catalogue(channels: usize) -> Vec<Shader> {
     }
     shaders
 }
+
+/// The shaders with which a device is tested when it is opened; the last needs subgroups.
+pub fn self_tests() -> Vec<Shader> {
+    crate::device::selftest_shaders(true)
+}

@@ -10,4 +10,5 @@ mod primitives;
 mod shaders;
 mod speed;
 mod support;
+mod tiers;
 mod training;
