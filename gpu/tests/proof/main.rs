@@ -4,6 +4,7 @@
 
 mod backward;
 mod forward;
+mod fuzz;
 mod golden;
 mod oracle;
 mod primitives;
@@ -12,3 +13,4 @@ mod speed;
 mod support;
 mod tiers;
 mod training;
+mod wild;
