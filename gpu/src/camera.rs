@@ -2,7 +2,8 @@
 
 use nalgebra::{Isometry3, Point3};
 
-use crate::layout::{PassArguments, TILE, VIEW_MARGIN};
+use crate::layout::{PassArguments, VIEW_MARGIN};
+use crate::tiling::Tiling;
 
 /// Intrinsics and pose of one view.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,8 +60,9 @@ impl Camera {
     }
 
     /// Columns and rows of tiles.
-    pub fn tiles(&self) -> [u32; 2] {
-        [self.width.div_ceil(TILE), self.height.div_ceil(TILE)]
+    pub fn tiles(&self, tiling: Tiling) -> [u32; 2] {
+        let [width, height] = tiling.size();
+        [self.width.div_ceil(width), self.height.div_ceil(height)]
     }
 
     /// Largest |x/z| and |y/z| at which the Jacobian is taken.
@@ -72,7 +74,11 @@ impl Camera {
     }
 
     /// The pass's uniform.
-    pub(crate) fn arguments(&self, count: usize, capacity: usize) -> PassArguments {
+    pub(crate) fn arguments(
+        &self,
+        tiling: Tiling,
+        (count, capacity): (usize, usize),
+    ) -> PassArguments {
         let m = self.camera_from_world.to_homogeneous();
         let row = |i: usize| [m[(i, 0)], m[(i, 1)], m[(i, 2)], m[(i, 3)]];
         PassArguments {
@@ -83,9 +89,10 @@ impl Camera {
             centre: [self.cx, self.cy],
             limit: self.jacobian_limit(),
             size: [self.width, self.height],
-            tiles: self.tiles(),
+            tiles: self.tiles(tiling),
             count: count as u32,
             capacity: capacity as u32,
+            ..PassArguments::default()
         }
     }
 }

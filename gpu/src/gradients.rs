@@ -6,8 +6,8 @@ use crate::error::{GpuError, expect_len};
 use crate::gaussians::{Gaussians, HostHead};
 use crate::kernel::Recorder;
 use crate::layout::{HitCount, Row};
-use crate::pass::Pass;
-use crate::render::{Renderer, check_camera};
+use crate::project::MOVE_ROWS;
+use crate::render::{Cameras, Renderer, check_camera};
 use crate::target::pad_rows;
 
 /// dL/dparameters of one head.
@@ -17,10 +17,14 @@ pub struct HeadGradient {
     pub means: Vec<[f32; 3]>,
     /// dL/d(rotation, log scale, opacity logit, feature).
     pub head: HostHead,
+    /// dL/dtau, tau = (rho, theta) being a left perturbation of `camera_from_world`; zero for
+    /// language, which does not move the camera.
+    pub pose: [f32; 6],
 }
 
 impl Renderer {
-    /// Takes dL/d(r, g, b, depth) of each pixel (height x width) to the colour head and the means.
+    /// Takes dL/d(r, g, b, depth) of each pixel (height x width) to the colour head, the means and
+    /// the camera.
     ///
     /// # Errors
     /// [`GpuError::ShapeMismatch`] and as [`Renderer::render_colour`].
@@ -57,32 +61,61 @@ impl Renderer {
     ) -> Result<HeadGradient, GpuError> {
         check_camera(camera)?;
         let count = gaussians.len();
-        let channels = if colour { 3 } else { self.channels };
         let Some(arrays) = gaussians.arrays().filter(|_| count > 0) else {
             return Ok(HeadGradient::default());
         };
+        let cameras =
+            Cameras { colour: colour.then_some(camera), language: (!colour).then_some(camera) };
         let head = if colour { &arrays.colour } else { &arrays.language };
-        let (gpu, lister) = (&self.gpu, &self.lister);
-        let pass: &mut Pass = if colour { &mut self.colour } else { &mut self.language };
+        let gpu = self.gpu.clone();
         loop {
-            pass.reserve(gpu, lister, (gaussians, camera), true)?;
-            pass.training().image_gradients.write(gpu, 0, d_image);
-            let mut recorder = Recorder::new(gpu)?;
-            pass.forward(gpu, &mut recorder, lister, (&arrays.means, head, count), camera);
-            pass.backward(&mut recorder, &arrays.means, head);
+            self.reserve(gaussians, cameras, true)?;
+            let pass = if colour { &self.colour } else { &self.language };
+            pass.training().image_gradients.write(&gpu, 0, d_image);
+            let mut recorder = Recorder::new(&gpu)?;
+            self.draw(&mut recorder, (arrays, count), cameras);
+            let pass = if colour { &mut self.colour } else { &mut self.language };
+            pass.backward(&mut recorder, self.lister.ranks(), (&arrays.means, head));
             recorder.submit();
-            let hits: Vec<HitCount> = pass.hit_count().read(gpu, 1)?;
-            if pass.outgrown(hits[0]) {
-                continue;
+            let hits: Vec<HitCount> = pass.hit_count().read(&gpu, 1)?;
+            if !pass.outgrown(hits[0]) {
+                return self.read_gradients((count, head.features.rows), colour);
             }
-            let training = pass.training();
-            let geometry = training.gradients.geometry.read(gpu, 2 * count)?;
-            let features = training.gradients.features.read(gpu, head.features.rows * count)?;
-            let means = training.mean_gradients.read(gpu, if colour { count } else { 0 })?;
-            return Ok(HeadGradient {
-                means: means.iter().map(|m| [m[0], m[1], m[2]]).collect(),
-                head: HostHead::from_rows(&geometry, &features, channels),
-            });
         }
+    }
+
+    /// Reads gradients back and puts them from the order of ranks into that of the map.
+    fn read_gradients(
+        &self,
+        (count, rows): (usize, usize),
+        colour: bool,
+    ) -> Result<HeadGradient, GpuError> {
+        let gpu = &self.gpu;
+        let (pass, ranks) =
+            (if colour { &self.colour } else { &self.language }, self.lister.ranks());
+        let gradients = &pass.training().gradients;
+        let visible = ranks.visible.read(gpu, 1)?[0].count as usize;
+        let gaussians = ranks.gaussian_from_rank().read(gpu, visible)?;
+        let place = |from: &[Row], rows: usize, used: usize| {
+            let mut to = vec![[0.0; 4]; used * count];
+            for (gaussian, from) in gaussians.iter().zip(from.chunks(rows)) {
+                to[*gaussian as usize * used..][..used].copy_from_slice(&from[..used]);
+            }
+            to
+        };
+        let geometry = place(&gradients.geometry.read(gpu, 2 * visible)?, 2, 2);
+        let features = place(&gradients.features.read(gpu, rows * visible)?, rows, rows);
+        let moves = gradients.moves.read(gpu, if colour { MOVE_ROWS * visible } else { 0 })?;
+        let means = place(&moves, MOVE_ROWS, usize::from(colour));
+        let mut pose = [0.0; 6];
+        for rows in moves.chunks(MOVE_ROWS) {
+            (0..6).for_each(|i| pose[i] += rows[1 + i / 3][i % 3]);
+        }
+        let channels = if colour { 3 } else { self.channels };
+        Ok(HeadGradient {
+            means: means.iter().map(|m| [m[0], m[1], m[2]]).collect(),
+            head: HostHead::from_rows(&geometry, &features, channels),
+            pose,
+        })
     }
 }

@@ -7,10 +7,10 @@ use bytemuck::Pod;
 
 use crate::device::Gpu;
 use crate::error::GpuError;
+use crate::layout::{GROUP, GROUPS_PER_AXIS};
+use crate::profile::Stamps;
 use crate::shader::{Access, Shader};
 
-/// WebGPU's limit on the workgroups along one axis.
-const GROUPS_PER_AXIS: u32 = 65_535;
 /// Slots for uniform structs in one submission.
 const UNIFORM_SLOTS: u64 = 256;
 /// Largest uniform struct, in bytes.
@@ -21,6 +21,14 @@ pub struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     bindings: usize,
+    label: &'static str,
+}
+
+/// How many workgroups a dispatch has.
+enum Groups<'a> {
+    Known(u32),
+    /// Three counts in a buffer, from this byte on.
+    InBuffer(&'a wgpu::Buffer, usize),
 }
 
 impl Kernel {
@@ -84,7 +92,7 @@ impl Kernel {
             compilation_options: Default::default(),
             cache: None,
         });
-        Self { pipeline, layout, bindings: shader.bindings.len() }
+        Self { pipeline, layout, bindings: shader.bindings.len(), label: shader.label }
     }
 }
 
@@ -95,6 +103,7 @@ pub struct Recorder<'a> {
     pass: Option<wgpu::ComputePass<'static>>,
     uniforms: wgpu::Buffer,
     arguments: Vec<u8>,
+    stamps: Option<Stamps>,
 }
 
 impl<'a> Recorder<'a> {
@@ -103,6 +112,16 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// [`GpuError::OutOfMemory`] when not even the uniforms fit.
     pub fn new(gpu: &'a Gpu) -> Result<Self, GpuError> {
+        let uniforms = match gpu.spare_uniforms() {
+            Some(buffer) => buffer,
+            None => Self::uniforms(gpu)?,
+        };
+        let encoder = gpu.device().create_command_encoder(&Default::default());
+        let stamps = gpu.profiling().then(|| Stamps::new(gpu));
+        Ok(Self { gpu, encoder, pass: None, uniforms, arguments: Vec::new(), stamps })
+    }
+
+    fn uniforms(gpu: &Gpu) -> Result<wgpu::Buffer, GpuError> {
         let bytes = UNIFORM_SLOTS * UNIFORM_BYTES;
         let descriptor = wgpu::BufferDescriptor {
             label: Some("uniforms"),
@@ -110,12 +129,10 @@ impl<'a> Recorder<'a> {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         };
-        let uniforms = gpu.scoped(
+        gpu.scoped(
             |device| device.create_buffer(&descriptor),
             |reason| GpuError::OutOfMemory { label: "uniforms".to_owned(), bytes, reason },
-        )?;
-        let encoder = gpu.device().create_command_encoder(&Default::default());
-        Ok(Self { gpu, encoder, pass: None, uniforms, arguments: Vec::new() })
+        )
     }
 
     /// Runs `kernel` on `groups` workgroups with `arguments` as its uniform and `buffers` as its
@@ -127,10 +144,70 @@ impl<'a> Recorder<'a> {
         buffers: &[&wgpu::Buffer],
         groups: u32,
     ) {
+        self.record(kernel, bytemuck::bytes_of(arguments), buffers, Groups::Known(groups));
+    }
+
+    /// As [`Recorder::dispatch`], with three counts of workgroups that lie in a buffer on the
+    /// device, from a byte on.
+    pub fn dispatch_indirect<A: Pod>(
+        &mut self,
+        kernel: &Kernel,
+        arguments: &A,
+        buffers: &[&wgpu::Buffer],
+        (counts, byte): (&wgpu::Buffer, usize),
+    ) {
+        let groups = Groups::InBuffer(counts, byte);
+        self.record(kernel, bytemuck::bytes_of(arguments), buffers, groups);
+    }
+
+    fn record(
+        &mut self,
+        kernel: &Kernel,
+        arguments: &[u8],
+        buffers: &[&wgpu::Buffer],
+        groups: Groups<'_>,
+    ) {
         assert_eq!(buffers.len(), kernel.bindings, "a kernel takes the buffers that it declares");
-        if groups == 0 {
+        if matches!(groups, Groups::Known(0)) {
             return;
         }
+        let bind_group = self.bind(kernel, arguments, buffers);
+        let writes = self.stamps.as_mut().and_then(|stamps| stamps.next(kernel.label));
+        let encoder = &mut self.encoder;
+        if let Some((queries, first)) = writes {
+            self.pass = None;
+            let descriptor = wgpu::ComputePassDescriptor {
+                label: Some(kernel.label),
+                timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                    query_set: queries,
+                    beginning_of_pass_write_index: Some(first),
+                    end_of_pass_write_index: Some(first + 1),
+                }),
+            };
+            self.pass = Some(encoder.begin_compute_pass(&descriptor).forget_lifetime());
+        }
+        let pass = self.pass.get_or_insert_with(|| {
+            encoder.begin_compute_pass(&Default::default()).forget_lifetime()
+        });
+        pass.set_pipeline(&kernel.pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        match groups {
+            Groups::Known(groups) => {
+                let (x, y) = grid(groups);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            Groups::InBuffer(counts, byte) => {
+                pass.dispatch_workgroups_indirect(counts, byte as u64);
+            }
+        }
+    }
+
+    fn bind(
+        &mut self,
+        kernel: &Kernel,
+        arguments: &[u8],
+        buffers: &[&wgpu::Buffer],
+    ) -> wgpu::BindGroup {
         let offset = self.place(arguments);
         let uniform = wgpu::BufferBinding {
             buffer: &self.uniforms,
@@ -143,19 +220,11 @@ impl<'a> Recorder<'a> {
             .zip(0..)
             .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
             .collect();
-        let bind_group = self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+        self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &kernel.layout,
             entries: &entries,
-        });
-        let encoder = &mut self.encoder;
-        let pass = self.pass.get_or_insert_with(|| {
-            encoder.begin_compute_pass(&Default::default()).forget_lifetime()
-        });
-        let (x, y) = grid(groups);
-        pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, &bind_group, &[]);
-        pass.dispatch_workgroups(x, y, 1);
+        })
     }
 
     /// As [`Recorder::dispatch`], for at least `threads` threads in workgroups of
@@ -167,7 +236,7 @@ impl<'a> Recorder<'a> {
         buffers: &[&wgpu::Buffer],
         threads: usize,
     ) {
-        let groups = threads.div_ceil(crate::layout::GROUP as usize);
+        let groups = threads.div_ceil(GROUP as usize);
         self.dispatch(kernel, arguments, buffers, groups as u32);
     }
 
@@ -177,31 +246,46 @@ impl<'a> Recorder<'a> {
         self.encoder.clear_buffer(buffer, 0, None);
     }
 
+    /// Copies the first `bytes` bytes, a multiple of four, of one buffer to a place in another.
+    pub fn copy(&mut self, from: &wgpu::Buffer, (to, at): (&wgpu::Buffer, u64), bytes: u64) {
+        self.pass = None;
+        if bytes > 0 {
+            self.encoder.copy_buffer_to_buffer(from, 0, to, at, bytes);
+        }
+    }
+
     /// Hands everything recorded so far to the device; does not wait.
-    pub fn submit(mut self) {
-        self.flush();
+    pub fn submit(mut self) -> wgpu::SubmissionIndex {
+        let index = self.flush();
+        self.gpu.keep_uniforms(self.uniforms);
+        index
     }
 
     /// Places `arguments` in the next uniform slot, whose offset it returns; a full buffer is
     /// submitted first.
-    fn place<A: Pod>(&mut self, arguments: &A) -> u64 {
-        assert!(size_of::<A>() as u64 <= UNIFORM_BYTES, "uniform struct too large");
+    fn place(&mut self, arguments: &[u8]) -> u64 {
+        assert!(arguments.len() as u64 <= UNIFORM_BYTES, "uniform struct too large");
         if self.arguments.len() as u64 == UNIFORM_SLOTS * UNIFORM_BYTES {
             self.flush();
         }
         let offset = self.arguments.len() as u64;
-        self.arguments.extend_from_slice(bytemuck::bytes_of(arguments));
+        self.arguments.extend_from_slice(arguments);
         self.arguments.resize((offset + UNIFORM_BYTES) as usize, 0);
         offset
     }
 
-    fn flush(&mut self) {
+    fn flush(&mut self) -> wgpu::SubmissionIndex {
         self.pass = None;
         let empty = self.gpu.device().create_command_encoder(&Default::default());
-        let encoder = std::mem::replace(&mut self.encoder, empty);
+        let mut encoder = std::mem::replace(&mut self.encoder, empty);
+        if let Some(stamps) = self.stamps.take() {
+            stamps.resolve(self.gpu, &mut encoder);
+            self.stamps = Some(Stamps::new(self.gpu));
+        }
         self.gpu.queue().write_buffer(&self.uniforms, 0, &self.arguments);
-        self.gpu.queue().submit([encoder.finish()]);
+        let index = self.gpu.queue().submit([encoder.finish()]);
         self.arguments.clear();
+        index
     }
 }
 

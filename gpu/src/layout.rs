@@ -71,18 +71,12 @@ pub struct Field {
 constants! {
     /// Threads per workgroup of the kernels with one thread per element.
     GROUP: u32 = 64;
+    /// WebGPU's limit on the workgroups along one axis.
+    GROUPS_PER_AXIS: u32 = 65_535;
     /// Elements that one thread sums or scans.
     RUN: u32 = 64;
-    /// Elements that one thread sorts.
-    SORT_RUN: u32 = 32;
-    /// Bits of the key per sorting pass.
-    DIGIT_BITS: u32 = 4;
-    /// Values of a digit.
-    DIGITS: u32 = 16;
-    /// Width and height of a tile, in pixels.
-    TILE: u32 = 16;
-    /// Threads per tile.
-    LANES: u32 = 32;
+    /// Tiles whose test results fit into the mask of a Gaussian.
+    MASK_TILES: u32 = 32;
     /// Gaussians nearer than this, in metres, are not drawn.
     NEAR: f32 = 0.1;
     /// Gaussians farther than this, in metres, are not drawn.
@@ -107,8 +101,22 @@ constants! {
     EPSILON: f32 = 1e-15;
     /// Gradients from here on are not followed: their squares would not be finite.
     MAX_GRADIENT: f32 = 1e15;
+    /// log2(e).
+    BITS_PER_NAT: f32 = 1.442_695_1;
     /// Absolute values from here on count as not finite.
     HUGE: f32 = 1e30;
+    /// Bits of a rearrangement's entry that hold the index of the source.
+    INDEX_MASK: u32 = 0x3fff_ffff;
+    /// Marks a child of a split Gaussian in a rearrangement.
+    CHILD: u32 = 0x4000_0000;
+    /// Marks a newborn in a rearrangement: its optimiser state and statistics start at zero.
+    FRESH: u32 = 0x8000_0000;
+    /// Subtracted from the logarithms of a child's scales: ln 1.6 (Kerbl et al. 2023).
+    SPLIT_SHRINK: f32 = 0.470_003_63;
+    /// Values per axis of a Morton code's cell.
+    MORTON_CELLS: u32 = 1024;
+    /// Key of what has no place: behind all Morton codes.
+    MORTON_LAST: u32 = 0x4000_0000;
 }
 
 structs! {
@@ -134,21 +142,23 @@ structs! {
         count: u32 => "u32",
         /// Number of hits that the lists hold.
         capacity: u32 => "u32",
+        /// Which part of the feature's rows is blended.
+        chunk: u32 => "u32",
+        /// Fills the struct to 112 bytes.
+        unused: u32 => "u32",
+        /// Likewise.
+        spare: [u32; 2] => "vec2<u32>",
     }
-    /// A Gaussian as one camera sees it.
+    /// A Gaussian as one camera sees it: alpha = 2^(level - xx dx^2 - xy dx dy - yy dy^2) at an
+    /// offset (dx, dy) from its centre.
     Splat {
-        /// Centre, in pixels.
-        mean: [f32; 2] => "vec2<f32>",
+        /// Centre, in pixels; xx and xy.
+        place: Row => "vec4<f32>",
+        /// yy; level; z in the camera, metres; by how much the power may fall before alpha is below
+        /// `MIN_ALPHA`.
+        form: Row => "vec4<f32>",
         /// Half width and height of the visible ellipse, in pixels.
         extent: [f32; 2] => "vec2<f32>",
-        /// Inverse covariance: xx, xy, yy.
-        conic: [f32; 3] => "vec3<f32>",
-        /// Opacity in (0, 1).
-        opacity: f32 => "f32",
-        /// z in the camera, metres.
-        depth: f32 => "f32",
-        /// Squared Mahalanobis distance at which alpha falls to `MIN_ALPHA`.
-        reach: f32 => "f32",
         /// Fills the struct to 48 bytes.
         unused: [f32; 2] => "vec2<f32>",
     }
@@ -165,24 +175,72 @@ structs! {
         drawn: u32 => "u32",
         /// Hits that there are; more than `drawn` means that the lists overflowed.
         wanted: u32 => "u32",
+        /// Workgroups for one thread per hit in the lists.
+        groups: [u32; 3] => "array<u32, 3>",
+    }
+    /// How many Gaussians a view sees.
+    Visible {
+        /// Gaussians with a hit.
+        count: u32 => "u32",
+        /// Workgroups for one thread more than that.
+        groups: [u32; 3] => "array<u32, 3>",
     }
     /// For kernels over a flat array.
     ArrayArguments {
         /// Number of elements.
         count: u32 => "u32",
-        /// Kernel's own: shift of the digit, rows per element, or the slot of a result.
+        /// Kernel's own, such as rows per element.
         detail: u32 => "u32",
+    }
+    /// For the sum of rows.
+    ReduceArguments {
+        /// Number of elements.
+        count: u32 => "u32",
+        /// Rows per element.
+        stride: u32 => "u32",
+        /// The row of an element that is summed.
+        row: u32 => "u32",
+        /// Where the first sum goes.
+        slot: u32 => "u32",
+    }
+    /// For the sort.
+    SortArguments {
+        /// Number of runs.
+        runs: u32 => "u32",
+        /// Lowest bit of the digit.
+        shift: u32 => "u32",
+        /// Bits of the digit.
+        bits: u32 => "u32",
+        /// Fills the struct to 16 bytes.
+        unused: u32 => "u32",
     }
     /// For the loss kernels.
     LossArguments {
         /// Number of pixels, or of Gaussians.
         count: u32 => "u32",
-        /// Rows per pixel of a language image.
+        /// Rows per pixel of the image.
         rows: u32 => "u32",
         /// Factor of the first term, divided by the number of values it averages.
         first: f32 => "f32",
         /// Factor of the second term, likewise.
         second: f32 => "f32",
+        /// Exposure (a, b): the picture is compared as exp(a) picture + b.
+        exposure: [f32; 2] => "vec2<f32>",
+        /// Fills the struct to 32 bytes.
+        unused: [f32; 2] => "vec2<f32>",
+    }
+    /// For the ties between the heads: 1 where a component is tied, 0 elsewhere.
+    TieArguments {
+        /// Components of the rotation.
+        even: Row => "vec4<f32>",
+        /// Log scales and opacity logit.
+        odd: Row => "vec4<f32>",
+        /// Number of Gaussians.
+        count: u32 => "u32",
+        /// Fills the struct to 48 bytes.
+        unused: u32 => "u32",
+        /// Likewise.
+        spare: [u32; 2] => "vec2<u32>",
     }
     /// For the optimiser.
     AdamArguments {
@@ -190,12 +248,66 @@ structs! {
         even: Row => "vec4<f32>",
         /// Learning rates of an odd row.
         odd: Row => "vec4<f32>",
-        /// Number of rows.
+        /// Number of Gaussians.
         count: u32 => "u32",
-        /// Rows per Gaussian.
+        /// Rows of parameters per Gaussian.
         rows: u32 => "u32",
+        /// Rows of gradients per Gaussian; those of the parameters are the first.
+        stride: u32 => "u32",
         /// Fills the struct to 48 bytes.
-        unused: [u32; 2] => "vec2<u32>",
+        unused: u32 => "u32",
+    }
+    /// For gathering elements.
+    GatherArguments {
+        /// Number of units to write: elements times units per element.
+        count: u32 => "u32",
+        /// Units per element.
+        width: u32 => "u32",
+        /// 1 to write zeros where an entry is marked as newborn, else 0.
+        fresh: u32 => "u32",
+    }
+    /// The rules of densification, as comparisons that need no arithmetic.
+    DensifyArguments {
+        /// Number of Gaussians.
+        count: u32 => "u32",
+        /// Most Gaussians that births may lead to.
+        max_gaussians: u32 => "u32",
+        /// Seed of the positions of children.
+        seed: u32 => "u32",
+        /// 1 if the language head's scales count for `max_log_scale` as well, else 0.
+        either_head: u32 => "u32",
+        /// Mean gradient from which a Gaussian gives birth.
+        min_gradient: f32 => "f32",
+        /// Largest log scale of a Gaussian that is cloned; a larger one is split.
+        clone_log_scale: f32 => "f32",
+        /// Opacity logit below which, in both heads, a Gaussian is pruned.
+        min_logit: f32 => "f32",
+        /// Log scale above which a Gaussian is pruned.
+        max_log_scale: f32 => "f32",
+        /// Radius on the screen, in pixels, above which a Gaussian is pruned.
+        max_radius: f32 => "f32",
+    }
+    /// What a rearrangement comes to.
+    SurgeryCounts {
+        /// Gaussians that are not pruned.
+        kept: u32 => "u32",
+        /// Gaussians that are added: one per clone and one per split.
+        born: u32 => "u32",
+        /// Those of `born` that come from a split.
+        split: u32 => "u32",
+        /// Gaussians afterwards.
+        total: u32 => "u32",
+    }
+    /// For Morton codes.
+    MortonArguments {
+        /// Smallest coordinates of the box, metres; then a zero.
+        low: Row => "vec4<f32>",
+        /// Cells per metre along each axis; then a zero.
+        scale: Row => "vec4<f32>",
+        /// Fills what is left to a vector's border.
+        unused: [u32; 3] => "vec3<u32>",
+        /// Number of Gaussians.
+        count: u32 => "u32",
     }
 }
 

@@ -11,14 +11,23 @@ use crate::error::GpuError;
 use crate::gaussians::{Gaussians, Head, Parameters};
 use crate::kernel::Recorder;
 use crate::layout::{HitCount, PassArguments, PixelState, Row};
-use crate::project::{HeadGradients, Project};
+use crate::order::{Order, Ranks};
+use crate::project::{HeadGradients, Project, Projected};
 use crate::sort::Sort;
-use crate::tiles::{Hits, Ranks, Tiles};
+use crate::tally::Found;
+use crate::tiles::{Hits, Tiles};
 
-/// The kernels that both heads share.
+/// Room that lists have beyond what a view wanted.
+const HEADROOM: f32 = 1.5;
+/// Share of the lists that may be full before they grow.
+const FULL: f32 = 0.85;
+
+/// The kernels that both heads share, and the ranks of the view.
 pub struct Lister {
     pub(crate) sort: Sort,
+    order: Order,
     tiles: Tiles,
+    ranks: Option<Ranks>,
 }
 
 /// One head's kernels and scratch.
@@ -26,6 +35,7 @@ pub struct Pass {
     project: Project,
     blend: Blend,
     rows: usize,
+    colour: bool,
     hit_capacity: usize,
     first_hit_capacity: usize,
     scratch: Option<Scratch>,
@@ -35,9 +45,8 @@ pub struct Pass {
 
 /// Buffers of a forward pass.
 struct Scratch {
-    ranks: Ranks,
+    projected: Projected,
     hits: Hits,
-    ranges: Buffer<[u32; 2]>,
     image: Buffer<Row>,
     pixels: Buffer<PixelState>,
 }
@@ -46,12 +55,10 @@ struct Scratch {
 pub struct Training {
     /// dL/dimage.
     pub image_gradients: Buffer<Row>,
-    /// Terms of the loss, one row per pixel or Gaussian.
+    /// Terms of the loss, one row per pixel or rank.
     pub terms: Buffer<Row>,
     /// dL/dparameters.
     pub gradients: HeadGradients,
-    /// dL/dmean; unused by language.
-    pub mean_gradients: Buffer<Row>,
     /// Bias corrections of the optimiser.
     pub corrections: Buffer<[f32; 2]>,
     records: Buffer<Row>,
@@ -63,7 +70,41 @@ impl Lister {
     /// # Errors
     /// As [`crate::kernel::Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        Ok(Self { sort: Sort::new(gpu)?, tiles: Tiles::new(gpu)? })
+        let (sort, order, tiles) = (Sort::new(gpu)?, Order::new(gpu)?, Tiles::new(gpu)?);
+        Ok(Self { sort, order, tiles, ranks: None })
+    }
+
+    /// Makes room to rank a map.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn reserve(&mut self, gpu: &Gpu, gaussians: &Gaussians) -> Result<(), GpuError> {
+        let capacity = gaussians.capacity();
+        if self.ranks.as_ref().is_none_or(|ranks| ranks.capacity() != capacity) {
+            self.ranks = None;
+            self.ranks = Some(Ranks::new(gpu, &self.sort, capacity)?);
+        }
+        Ok(())
+    }
+
+    /// Ranks the Gaussians that one of the heads shows; they are projected.
+    pub fn rank(&self, recorder: &mut Recorder<'_>, heads: &[&Pass], count: usize) {
+        let [first, .., last] = heads else {
+            let [only] = heads else { return };
+            return self.rank(recorder, &[only, only], count);
+        };
+        let projected = (first.projected(), last.projected());
+        self.order.rank(recorder, projected, count, (self.ranks(), &self.sort));
+    }
+
+    /// The visible Gaussians of the last view.
+    pub fn ranks(&self) -> &Ranks {
+        self.ranks.as_ref().expect("reserved by the caller")
+    }
+
+    /// Bytes of scratch on the device.
+    pub fn device_bytes(&self) -> u64 {
+        self.ranks.as_ref().map_or(0, Ranks::device_bytes)
     }
 }
 
@@ -80,9 +121,10 @@ impl Pass {
         hit_capacity: usize,
     ) -> Result<Self, GpuError> {
         Ok(Self {
-            project: Project::new(gpu, colour)?,
+            project: Project::new(gpu, rows, colour)?,
             blend: Blend::new(gpu, rows, colour)?,
             rows,
+            colour,
             hit_capacity,
             first_hit_capacity: hit_capacity,
             scratch: None,
@@ -99,14 +141,14 @@ impl Pass {
     pub fn reserve(
         &mut self,
         gpu: &Gpu,
-        lister: &Lister,
+        sort: &Sort,
         view: (&Gaussians, &Camera),
         training: bool,
     ) -> Result<(), GpuError> {
-        let made = self.allocate(gpu, lister, view, training);
+        let made = self.allocate(gpu, sort, view, training);
         if made.is_err() {
             self.hit_capacity = self.first_hit_capacity;
-            (self.scratch, self.training, self.last) = (None, None, None);
+            self.release();
         }
         made
     }
@@ -114,22 +156,24 @@ impl Pass {
     fn allocate(
         &mut self,
         gpu: &Gpu,
-        lister: &Lister,
+        sort: &Sort,
         (gaussians, camera): (&Gaussians, &Camera),
         training: bool,
     ) -> Result<(), GpuError> {
         let (map, pixels) = (gaussians.capacity(), camera.pixels());
-        let tiles = camera.tiles()[0] as usize * camera.tiles()[1] as usize;
+        let [columns, rows] = camera.tiles(gpu.tiling());
+        let tiles = columns as usize * rows as usize;
         let fits = self.scratch.as_ref().is_some_and(|s| {
-            s.ranks.hits.len() == map && s.pixels.len() >= pixels && s.ranges.len() >= tiles
+            s.projected.splats.len() == map
+                && s.hits.capacity() == self.hit_capacity
+                && s.pixels.len() >= pixels
+                && s.hits.ranges.len() >= tiles
         });
         if !fits {
-            self.last = None;
-            (self.scratch, self.training) = (None, None);
+            self.release();
             self.scratch = Some(Scratch {
-                ranks: Ranks::new(gpu, &lister.sort, map)?,
-                hits: Hits::new(gpu, &lister.sort, self.hit_capacity)?,
-                ranges: Buffer::new(gpu, "tile ranges", tiles)?,
+                projected: Projected::new(gpu, map)?,
+                hits: Hits::new(gpu, sort, self.hit_capacity, (map, tiles))?,
                 image: Buffer::new(gpu, "image", pixels * self.rows)?,
                 pixels: Buffer::new(gpu, "pixel states", pixels)?,
             });
@@ -139,8 +183,7 @@ impl Pass {
             self.training = Some(Training {
                 image_gradients: Buffer::new(gpu, "image gradients", pixels * self.rows)?,
                 terms: Buffer::new(gpu, "loss terms", pixels.max(map))?,
-                gradients: HeadGradients::new(gpu, map, self.rows)?,
-                mean_gradients: Buffer::new(gpu, "mean gradients", map)?,
+                gradients: HeadGradients::new(gpu, map, self.rows, self.colour)?,
                 corrections: Buffer::new(gpu, "corrections", map)?,
                 records: Buffer::new(gpu, "records", self.hit_capacity * record_rows(self.rows))?,
             });
@@ -148,68 +191,76 @@ impl Pass {
         Ok(())
     }
 
-    /// Records the forward pass of `head` for a view; needs [`Pass::reserve`].
-    pub fn forward(
+    /// Records the projection of `count` Gaussians; needs [`Pass::reserve`].
+    pub fn project(
         &mut self,
-        gpu: &Gpu,
         recorder: &mut Recorder<'_>,
-        lister: &Lister,
-        (means, head, count): (&Parameters, &Head, usize),
-        camera: &Camera,
+        (means, head): (&Parameters, &Head),
+        arguments: PassArguments,
     ) {
-        let arguments = camera.arguments(count, self.hit_capacity);
-        let scratch = self.scratch.as_ref().expect("reserved by the caller");
-        let (ranks, hits, ranges) = (&scratch.ranks, &scratch.hits, &scratch.ranges);
-        ranks.count.write(gpu, 0, &[count as u32]);
-        self.project.forward(recorder, &arguments, (&means.values, &head.geometry.values), ranks);
-        lister.tiles.list(recorder, &arguments, (ranks, hits, ranges), &lister.sort);
-        let lists = Lists { arguments: &arguments, ranks, hits, ranges };
+        let projected = self.projected();
+        let rows = (&means.values, &head.geometry.values);
+        self.project.forward(recorder, &arguments, rows, projected);
+        self.last = Some(arguments);
+    }
+
+    /// Records lists and blend; needs [`Pass::project`] and [`Lister::rank`].
+    pub fn blend(&self, recorder: &mut Recorder<'_>, lister: &Lister, head: &Head) {
+        let scratch = self.scratch();
+        let lists = self.lists();
+        let view = (&scratch.projected, lister.ranks());
+        lister.tiles.list(recorder, lists.arguments, view, (&scratch.hits, &lister.sort));
         let picture = (&scratch.image, &scratch.pixels);
         self.blend.forward(recorder, lists, &head.features.values, picture);
-        self.last = Some(arguments);
     }
 
     /// Records the backward pass: dL/dimage to dL/dparameters. Needs the forward pass of the same
     /// head and [`Pass::reserve`] with `training`.
-    pub fn backward(&self, recorder: &mut Recorder<'_>, means: &Parameters, head: &Head) {
-        let scratch = self.scratch.as_ref().expect("reserved by the caller");
-        let training = self.training.as_ref().expect("reserved by the caller");
-        let arguments = self.last.as_ref().expect("forward went before");
-        let lists = Lists {
-            arguments,
-            ranks: &scratch.ranks,
-            hits: &scratch.hits,
-            ranges: &scratch.ranges,
-        };
-        self.blend.backward(
-            recorder,
-            lists,
-            &head.features.values,
-            (&scratch.pixels, &training.image_gradients),
-            &training.records,
-        );
+    pub fn backward(
+        &self,
+        recorder: &mut Recorder<'_>,
+        ranks: &Ranks,
+        (means, head): (&Parameters, &Head),
+    ) {
+        let (scratch, training) = (self.scratch(), self.training());
+        let lists = self.lists();
+        let features = &head.features.values;
+        let image = (&scratch.pixels, &training.image_gradients);
+        self.blend.backward(recorder, lists, features, image, &training.records);
         self.project.backward(
             recorder,
-            arguments,
+            lists.arguments,
             (&means.values, &head.geometry.values),
-            (&scratch.ranks, &training.records),
-            (&training.mean_gradients, &training.gradients),
+            (ranks, &scratch.hits, &training.records),
+            &training.gradients,
         );
+    }
+
+    /// What the training step found out about each Gaussian; needs the backward pass.
+    pub fn found<'a>(&'a self, ranks: &'a Ranks) -> Found<'a> {
+        let Training { gradients, corrections, .. } = self.training();
+        let Lists { arguments, splats, .. } = self.lists();
+        Found { arguments, ranks, corrections, gradients, splats }
+    }
+
+    /// Room for this many hits.
+    pub fn hit_capacity(&self) -> usize {
+        self.hit_capacity
     }
 
     /// The rendered rows, height x width x rows.
     pub fn image(&self) -> &Buffer<Row> {
-        &self.scratch.as_ref().expect("reserved by the caller").image
+        &self.scratch().image
     }
 
     /// Transmittance and last hit of each pixel.
     pub fn pixels(&self) -> &Buffer<PixelState> {
-        &self.scratch.as_ref().expect("reserved by the caller").pixels
+        &self.scratch().pixels
     }
 
     /// The counters of the lists.
     pub fn hit_count(&self) -> &Buffer<HitCount> {
-        &self.scratch.as_ref().expect("reserved by the caller").hits.count
+        &self.scratch().hits.count
     }
 
     /// Buffers of the backward pass.
@@ -217,52 +268,76 @@ impl Pass {
         self.training.as_ref().expect("reserved by the caller")
     }
 
-    /// True if the lists overflowed; they are then dropped and the next ones are larger: the pass
-    /// must be repeated.
+    /// True if the lists overflowed. Where they did, or are nearly full, the next ones are larger.
     pub fn outgrown(&mut self, count: HitCount) -> bool {
-        if count.wanted <= count.drawn {
-            return false;
-        }
         let wanted = count.wanted as usize;
-        self.hit_capacity = (wanted + wanted / 4).next_multiple_of(1 << 12);
-        tracing::debug!(wanted, capacity = self.hit_capacity, "hit lists grow");
-        (self.scratch, self.training, self.last) = (None, None, None);
-        true
+        if wanted as f32 > FULL * self.hit_capacity as f32 {
+            self.hit_capacity = ((wanted as f32 * HEADROOM) as usize).next_multiple_of(1 << 12);
+            tracing::debug!(wanted, capacity = self.hit_capacity, "hit lists grow");
+        }
+        count.wanted > count.drawn
     }
 
-    /// Largest blending weight of each Gaussian in the last forward pass; nothing without one.
+    /// What each Gaussian gave to the last picture: sum of its blending weights, and the number of
+    /// pixels that it reaches with more than half of the light left behind it. Needs the
+    /// forward pass.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn weights(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
-        let (Some(scratch), Some(arguments)) = (&self.scratch, &self.last) else {
-            return Ok(Vec::new());
-        };
-        let count = arguments.count as usize;
-        let weights = Buffer::new(gpu, "weights", count)?;
-        let lists = Lists {
-            arguments,
-            ranks: &scratch.ranks,
-            hits: &scratch.hits,
-            ranges: &scratch.ranges,
-        };
+    pub fn contributions(&self, gpu: &Gpu, ranks: &Ranks) -> Result<Vec<[f32; 2]>, GpuError> {
+        let (scratch, lists) = (self.scratch(), self.lists());
+        let records = Buffer::new(gpu, "touch records", scratch.hits.capacity())?;
         let mut recorder = Recorder::new(gpu)?;
-        self.blend.weights(&mut recorder, lists, &scratch.pixels, &weights);
+        self.blend.touch(&mut recorder, lists, &scratch.pixels, &records);
         recorder.submit();
-        Ok(weights.read(gpu, count)?.into_iter().map(f32::from_bits).collect())
+        let visible = ranks.visible.read(gpu, 1)?[0].count as usize;
+        let gaussians = ranks.gaussian_from_rank().read(gpu, visible)?;
+        let slots = scratch.hits.slot_from_rank.read(gpu, visible + 1)?;
+        let rows: Vec<Row> = records.read(gpu, slots[visible] as usize)?;
+        let mut found = vec![[0.0; 2]; lists.arguments.count as usize];
+        for (gaussian, range) in gaussians.iter().zip(slots.windows(2)) {
+            for row in &rows[range[0] as usize..range[1] as usize] {
+                found[*gaussian as usize][0] += row[0];
+                found[*gaussian as usize][1] += row[1];
+            }
+        }
+        Ok(found)
     }
 
     /// Bytes of scratch on the device.
     pub fn device_bytes(&self) -> u64 {
         let forward = self.scratch.as_ref().map_or(0, |s| {
-            s.ranks.splats.size()
+            s.projected.splats.size()
+                + s.projected.coverage.size()
                 + s.image.size()
                 + s.pixels.size()
-                + s.hits.sort.keys[0].size() * 6
+                + s.hits.device_bytes()
         });
         let backward = self.training.as_ref().map_or(0, |t| {
-            t.records.size() + t.image_gradients.size() + t.gradients.features.size()
+            t.records.size()
+                + t.image_gradients.size()
+                + t.terms.size()
+                + t.gradients.device_bytes()
+                + t.corrections.size()
         });
         forward + backward
+    }
+
+    fn projected(&self) -> &Projected {
+        &self.scratch().projected
+    }
+
+    fn scratch(&self) -> &Scratch {
+        self.scratch.as_ref().expect("reserved by the caller")
+    }
+
+    fn lists(&self) -> Lists<'_> {
+        let scratch = self.scratch();
+        let arguments = self.last.as_ref().expect("projected before");
+        Lists { arguments, splats: &scratch.projected.splats, hits: &scratch.hits }
+    }
+
+    fn release(&mut self) {
+        (self.scratch, self.training, self.last) = (None, None, None);
     }
 }

@@ -9,6 +9,8 @@
 //! `LEXSPLAT_DUMP_WGSL=<folder>` writes every composed text there.
 
 use crate::layout;
+use crate::sort::SortShape;
+use crate::tiling::Tiling;
 
 /// How a kernel uses a storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +85,7 @@ impl Shader {
                 continue;
             };
             let body = lines.clone();
+            self.repeat(lines, &mut String::new(), names);
             for value in 0..self.count(count) {
                 let names = [names, &[(name, value)]].concat();
                 *lines = body.clone();
@@ -105,32 +108,43 @@ impl Shader {
 
 /// Shared WGSL: the index of a thread in a grid that was split over two axes.
 pub const GRID: &str = include_str!("shared/grid.wgsl");
-/// Shared WGSL: pixels of a thread, and the blend of one Gaussian at four pixels.
+/// Shared WGSL: pixels of a lane, one Gaussian at four pixels, and how a batch of hits is loaded.
 pub const TILE: &str = include_str!("shared/tile.wgsl");
+/// Shared WGSL: how lanes talk where a tile is one subgroup.
+pub const LANES_SUBGROUP: &str = include_str!("shared/lanes_subgroup.wgsl");
+/// Shared WGSL: how lanes talk through workgroup memory.
+pub const LANES_WORKGROUP: &str = include_str!("shared/lanes_workgroup.wgsl");
+/// Shared WGSL: which tiles a splat meets.
+pub const EXTENT: &str = include_str!("shared/extent.wgsl");
 /// Shared WGSL: log scales to scales.
 pub const SCALES: &str = include_str!("shared/scales.wgsl");
 /// Shared WGSL: quaternion to matrix, and covariance in the image.
 pub const GEOMETRY: &str = include_str!("shared/geometry.wgsl");
 
-/// Every shader of this package, for a language head of `channels` channels.
-pub fn catalogue(channels: usize) -> Vec<Shader> {
-    let rows = layout::rows_for(channels) as u32;
+/// Every shader of this package, for a language head of `channels` channels, with tiles and sorts
+/// spread over threads in one of the ways there are.
+pub fn catalogue(channels: usize, tiling: Tiling, sort: SortShape) -> Vec<Shader> {
     let mut shaders = Vec::new();
     shaders.extend(crate::scan::shaders());
-    shaders.extend(crate::sort::shaders());
+    shaders.extend(crate::sort::shaders(sort));
     shaders.extend(crate::reduce::shaders());
-    shaders.extend(crate::tiles::shaders());
+    shaders.extend(crate::order::shaders());
+    shaders.extend(crate::tiles::shaders(tiling));
     shaders.extend(crate::gather::shaders());
+    shaders.extend(crate::densify::shaders());
+    shaders.extend(crate::morton::shaders());
     shaders.extend(crate::loss::shaders());
     shaders.extend(crate::adam::shaders());
-    for (rows, depth) in [(1, true), (rows, false)] {
-        shaders.extend(crate::project::shaders(depth));
-        shaders.extend(crate::blend::shaders(rows, depth));
+    shaders.extend(crate::ties::shaders());
+    shaders.extend(crate::tally::shaders());
+    for (rows, colour) in [(1, true), (layout::rows_for(channels), false)] {
+        shaders.extend(crate::project::shaders(tiling, rows, colour));
+        shaders.extend(crate::blend::shaders(tiling, rows, colour));
     }
     shaders
 }
 
-/// The shaders with which a device is tested when it is opened; the last needs subgroups.
-pub fn self_tests() -> Vec<Shader> {
-    crate::device::selftest_shaders(true)
+/// The shaders with which a device is tested when it is opened on a tier.
+pub fn self_tests(tier: crate::device::Tier) -> Vec<Shader> {
+    crate::device::selftest_shaders(tier)
 }

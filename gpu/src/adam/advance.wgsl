@@ -1,23 +1,25 @@
 // t += 1 where a pixel saw the Gaussian; corrections = 1/(1 - b1^t), 1/(1 - b2^t), else 0.
 
-@group(0) @binding(0) var<uniform> arguments: ArrayArguments;
-@group(0) @binding(1) var<storage, read> sums: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> one: array<HitCount>;
-@group(0) @binding(3) var<storage, read> other: array<HitCount>;
-@group(0) @binding(4) var<storage, read_write> steps: array<u32>;
-@group(0) @binding(5) var<storage, read_write> corrections: array<vec2<f32>>;
+@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // detail: rows of the sums per rank
+@group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(2) var<storage, read> sums: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> one: array<HitCount>;
+@group(0) @binding(4) var<storage, read> other: array<HitCount>;
+@group(0) @binding(5) var<storage, read_write> steps: array<u32>;
+@group(0) @binding(6) var<storage, read_write> corrections: array<vec2<f32>>;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let gaussian = linear_thread(group, groups, lane);
-    if gaussian >= arguments.count { return; }
+    let rank = linear_thread(group, groups, lane);
+    if rank >= arguments.count { return; }
     let whole = one[0].wanted <= one[0].drawn && other[0].wanted <= other[0].drawn;
-    corrections[gaussian] = vec2<f32>(0.0);
-    if whole && sums[2u * gaussian].w > 0.0 {
+    corrections[rank] = vec2<f32>(0.0);
+    if whole && sums[arguments.detail * rank].w > 0.0 {
+        let gaussian = gaussian_from_rank[rank];
         let t = steps[gaussian] + 1u;
         steps[gaussian] = t;
         let decay = exp(f32(t) * log(vec2<f32>(BETA_FIRST, BETA_SECOND)));
-        corrections[gaussian] = 1.0 / (1.0 - decay);
+        corrections[rank] = 1.0 / (1.0 - decay);
     }
 }

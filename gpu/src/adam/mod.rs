@@ -5,9 +5,9 @@
 //! x -= rate m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + eps)
 //! ```
 //!
-//! t is counted per Gaussian and head. A Gaussian that was not seen keeps value and moments. A
-//! gradient that is not finite changes nothing. When a list of the step overflowed
-//! nothing changes at all, so that the step can be repeated.
+//! t is counted per Gaussian and head. A Gaussian that was not seen keeps value and moments and
+//! costs nothing: work goes by ranks. A gradient that is not finite changes nothing. When a list of
+//! the step overflowed nothing changes at all, so that the step can be repeated.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
@@ -15,6 +15,7 @@ use crate::error::GpuError;
 use crate::gaussians::Parameters;
 use crate::kernel::{Kernel, Recorder};
 use crate::layout::{AdamArguments, ArrayArguments, HitCount, Row};
+use crate::order::Ranks;
 use crate::shader::{Access, GRID, Shader};
 
 pub mod oracle;
@@ -62,7 +63,7 @@ impl Default for LearningRates {
 
 impl HeadRates {
     /// Rates of the two rows of a head's geometry.
-    fn geometry(&self) -> [Row; 2] {
+    pub(crate) fn geometry(&self) -> [Row; 2] {
         let s = self.log_scale;
         [[self.rotation; 4], [s, s, s, self.opacity]]
     }
@@ -74,17 +75,30 @@ pub struct Adam {
     update: Kernel,
 }
 
-/// What one head's update reads: seen weights, steps, and the lists that must not have overflowed.
+/// Which Gaussians a step may move: they were seen, and no list overflowed.
 #[derive(Clone, Copy)]
 pub struct Seen<'a> {
-    /// Record sums (see [`crate::project::HeadGradients`]).
-    pub sums: &'a Buffer<Row>,
-    /// Steps of each Gaussian; advanced.
-    pub steps: &'a Buffer<u32>,
-    /// Filled with the bias corrections, 0 for a Gaussian that is left alone.
-    pub corrections: &'a Buffer<[f32; 2]>,
+    /// The visible Gaussians.
+    pub ranks: &'a Ranks,
+    /// Record sums (see [`crate::project::HeadGradients`]) and their rows per rank.
+    pub sums: (&'a Buffer<Row>, usize),
     /// Hit counts of the passes of the step.
     pub counts: [&'a Buffer<HitCount>; 2],
+    /// Size of the map.
+    pub count: usize,
+}
+
+/// Gradients of the parameters of one kind: the first rows of each rank's.
+#[derive(Clone, Copy)]
+pub struct Gradients<'a> {
+    /// The visible Gaussians.
+    pub ranks: &'a Ranks,
+    /// Gradients and their rows per rank.
+    pub rows: (&'a Buffer<Row>, usize),
+    /// Bias corrections; 0 for a Gaussian that is left alone.
+    pub corrections: &'a Buffer<[f32; 2]>,
+    /// Size of the map.
+    pub count: usize,
 }
 
 /// This kernel's shaders.
@@ -98,8 +112,16 @@ pub fn shaders() -> [Shader; 2] {
         bindings,
     };
     [
-        shader("adam_advance", include_str!("advance.wgsl"), vec![Read, Read, Read, Write, Write]),
-        shader("adam_update", include_str!("update.wgsl"), vec![Read, Read, Write, Write, Write]),
+        shader(
+            "adam_advance",
+            include_str!("advance.wgsl"),
+            vec![Read, Read, Read, Read, Write, Write],
+        ),
+        shader(
+            "adam_update",
+            include_str!("update.wgsl"),
+            vec![Read, Read, Read, Write, Write, Write],
+        ),
     ]
 }
 
@@ -113,43 +135,44 @@ impl Adam {
         Ok(Self { advance: Kernel::new(gpu, &advance)?, update: Kernel::new(gpu, &update)? })
     }
 
-    /// Counts the step for the Gaussians that were seen and prepares their bias corrections.
-    pub fn advance(&self, recorder: &mut Recorder<'_>, seen: Seen<'_>, count: usize) {
-        let arguments = ArrayArguments { count: count as u32, detail: 0 };
-        let [first, second] = seen.counts;
-        let buffers: [&wgpu::Buffer; 5] = [seen.sums, first, second, seen.steps, seen.corrections];
-        recorder.dispatch_threads(&self.advance, &arguments, &buffers, count);
+    /// Counts the step in `steps` for the Gaussians that may be moved, and prepares their bias
+    /// corrections.
+    pub fn advance(
+        &self,
+        recorder: &mut Recorder<'_>,
+        seen: Seen<'_>,
+        steps: &Buffer<u32>,
+        corrections: &Buffer<[f32; 2]>,
+    ) {
+        let (sums, rows) = seen.sums;
+        let arguments = ArrayArguments { count: seen.count as u32, detail: rows as u32 };
+        let [one, other] = seen.counts;
+        let gaussians = seen.ranks.gaussian_from_rank();
+        let buffers: [&wgpu::Buffer; 6] = [gaussians, sums, one, other, steps, corrections];
+        seen.ranks.run(recorder, &self.advance, &arguments, &buffers);
     }
 
-    /// Moves the parameters of `count` Gaussians; `rates` are those of even and odd rows.
+    /// Moves the parameters; `rates` are those of even and odd rows.
     pub fn update(
         &self,
         recorder: &mut Recorder<'_>,
-        (parameters, count): (&Parameters, usize),
+        parameters: &Parameters,
         [even, odd]: [Row; 2],
-        gradients: &Buffer<Row>,
-        corrections: &Buffer<[f32; 2]>,
+        gradients: Gradients<'_>,
     ) {
-        let (rows, all) = (parameters.rows as u32, parameters.rows * count);
-        let arguments = AdamArguments { even, odd, count: all as u32, rows, unused: [0; 2] };
+        let (rows, stride) = gradients.rows;
+        let arguments = AdamArguments {
+            even,
+            odd,
+            count: gradients.count as u32,
+            rows: parameters.rows as u32,
+            stride: stride as u32,
+            unused: 0,
+        };
         let Parameters { values, first, second, .. } = parameters;
-        let buffers: [&wgpu::Buffer; 5] = [gradients, corrections, values, first, second];
-        recorder.dispatch_threads(&self.update, &arguments, &buffers, all);
-    }
-
-    /// Moves one head.
-    pub(crate) fn update_head(
-        &self,
-        recorder: &mut Recorder<'_>,
-        (head, count): (&crate::gaussians::Head, usize),
-        rates: &HeadRates,
-        gradients: &crate::project::HeadGradients,
-        corrections: &Buffer<[f32; 2]>,
-    ) {
-        let geometry = (&head.geometry, count);
-        self.update(recorder, geometry, rates.geometry(), &gradients.geometry, corrections);
-        let features = (&head.features, count);
-        let flat = [[rates.feature; 4]; 2];
-        self.update(recorder, features, flat, &gradients.features, corrections);
+        let gaussians = gradients.ranks.gaussian_from_rank();
+        let buffers: [&wgpu::Buffer; 6] =
+            [gaussians, rows, gradients.corrections, values, first, second];
+        gradients.ranks.run(recorder, &self.update, &arguments, &buffers);
     }
 }

@@ -3,17 +3,18 @@
 // where the scalar B . g is all that a pixel must carry. dL/dpower = alpha dL/dalpha, both 0 where
 // alpha is skipped or clamped.
 //
-// Threads work on a batch of hits, each for its own pixels, and leave their sums in workgroup
-// memory; then they add these up, in a fixed order, into one record per hit slot. With
-// p = dL/dpower and d = centre - pixel the rows of a record are
-//   0: sum p dx, sum p dy, sum gauss dL/dalpha, sum w
-//   1: sum p dx^2, sum p dx dy, sum p dy^2, 0
+// The lanes' shares of a hit are added up in a fixed order and left as one record in the hit's own
+// slot. With p = dL/dpower and d = centre - pixel the rows of a record are
+//   0: sum p dx, sum p dy, sum p, sum w
+//   1: sum p dx^2, sum p dx dy, sum p dy^2, pixels that it reaches with more than half of the light
+//      left behind it
 //   2 and on: dL/dfeature
+// One dispatch takes CHUNK of ROWS feature rows; p is linear in them, so later ones add theirs.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;
-@group(0) @binding(2) var<storage, read> gaussian_from_sorted: array<u32>;
-@group(0) @binding(3) var<storage, read> slot_from_sorted: array<u32>;
+@group(0) @binding(2) var<storage, read> slot_from_sorted: array<u32>;
+@group(0) @binding(3) var<storage, read> gaussian_from_slot: array<u32>;
 @group(0) @binding(4) var<storage, read> splats: array<Splat>;
 @group(0) @binding(5) var<storage, read> features: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> pixels: array<PixelState>;
@@ -22,15 +23,11 @@
 
 const RECORD: u32 = 2u + ROWS;
 
-var<workgroup> partial: array<vec4<f32>, BATCH * RECORD * LANES>;
-var<workgroup> ends: array<u32, LANES>;
-var<workgroup> last_end: u32;
-
-/// What a thread knows of its pixels.
+/// What a lane knows of its pixels.
 var<private> transmittance: array<vec4<f32>, STRIPS>;
 var<private> behind: array<vec4<f32>, STRIPS>; // B . g
 var<private> last: array<vec4<u32>, STRIPS>;
-var<private> gradient: array<vec4<f32>, STRIPS * CHANNELS>; // channel by channel, four pixels each
+var<private> gradient: array<vec4<f32>, 4 * CHUNK * STRIPS>; // channel by channel, four pixels each
 
 fn load_pixels(corner: vec2<u32>, lane: u32) {
     //repeat s STRIPS
@@ -38,19 +35,18 @@ fn load_pixels(corner: vec2<u32>, lane: u32) {
         let origin = strip_origin(corner, lane, $s);
         let drawn = inside(origin, pass_.size);
         transmittance[$s] = vec4<f32>(1.0);
-        last[$s] = vec4<u32>(0u);
-        behind[$s] = vec4<f32>(0.0);
         for (var x = 0u; x < 4u; x++) {
             let pixel = origin.y * pass_.size.x + origin.x + x;
             if drawn[x] {
                 transmittance[$s][x] = pixels[pixel].transmittance;
                 last[$s][x] = pixels[pixel].last;
             }
-            //repeat row ROWS
+            //repeat row CHUNK
             {
-                let at = $s * CHANNELS + 4u * $row;
+                let at = ($s * CHUNK + $row) * 4u;
+                let row = pass_.chunk * CHUNK + $row;
                 var g = vec4<f32>(0.0);
-                if drawn[x] { g = gradients[pixel * ROWS + $row]; }
+                if drawn[x] && row < ROWS { g = gradients[pixel * ROWS + row]; }
                 gradient[at][x] = g.x;
                 gradient[at + 1u][x] = g.y;
                 gradient[at + 2u][x] = g.z;
@@ -62,55 +58,73 @@ fn load_pixels(corner: vec2<u32>, lane: u32) {
     //end
 }
 
-/// One Gaussian at this thread's pixels, left in `partial` from `at` on, LANES apart.
-fn add_hit(hit: u32, corner: vec2<u32>, lane: u32, at: u32) {
-    let gaussian = gaussian_from_sorted[hit];
-    let splat = splats[gaussian];
+/// One hit of the batch, which lane `other` published, at this lane's pixels.
+fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
+    let place = shared_row(0u, other);
+    let form = shared_row(1u, other);
     var first = vec4<f32>(0.0);
     var second = vec4<f32>(0.0);
     var weights: array<vec4<f32>, STRIPS>;
     //repeat s STRIPS
     {
-        let at_strip = footprint(splat, strip_origin(corner, lane, $s));
-        let blended = (vec4<u32>(hit) < last[$s]) & (at_strip.alpha > vec4<f32>(0.0));
-        let alpha = select(vec4<f32>(0.0), at_strip.alpha, blended);
+        let at_strip = footprint(place, form, vec2<f32>(strip_origin(corner, lane, $s)));
+        let raw = select(vec4<f32>(0.0), at_strip.alpha, vec4<u32>(hit) < last[$s]);
+        let alpha = min(raw, vec4<f32>(MAX_ALPHA));
+        let seen = (alpha > vec4<f32>(0.0)) & (transmittance[$s] > vec4<f32>(0.5));
         transmittance[$s] /= 1.0 - alpha;
         weights[$s] = alpha * transmittance[$s];
         var lit = vec4<f32>(0.0); // feature . g
-        //repeat row ROWS
+        //repeat row CHUNK
         {
-            let feature = feature_of(gaussian, $row, splat.depth);
-            let g = $s * CHANNELS + 4u * $row;
+            let feature = shared_row(2u + $row, other);
+            let g = ($s * CHUNK + $row) * 4u;
             lit += feature.x * gradient[g] + feature.y * gradient[g + 1u]
                 + feature.z * gradient[g + 2u] + feature.w * gradient[g + 3u];
         }
         //end
-        let free = blended & (at_strip.alpha < vec4<f32>(MAX_ALPHA));
-        let d_alpha = select(vec4<f32>(0.0), transmittance[$s] * (lit - behind[$s]), free);
-        behind[$s] = alpha * lit + (1.0 - alpha) * behind[$s];
-        let p = select(vec4<f32>(0.0), alpha * d_alpha, free);
-        let gauss = select(vec4<f32>(0.0), at_strip.gauss, free);
+        let ahead = lit - behind[$s];
+        behind[$s] += alpha * ahead;
+        let p = select(vec4<f32>(0.0), weights[$s] * ahead, raw < vec4<f32>(MAX_ALPHA));
         let total = dot(p, vec4<f32>(1.0));
         let along = dot(p, at_strip.dx);
-        first += vec4<f32>(along, total * at_strip.dy, dot(gauss, d_alpha),
-            dot(weights[$s], vec4<f32>(1.0)));
+        first += vec4<f32>(along, total * at_strip.dy, total, dot(weights[$s], vec4<f32>(1.0)));
         second += vec4<f32>(dot(p, at_strip.dx * at_strip.dx), along * at_strip.dy,
-            total * at_strip.dy * at_strip.dy, 0.0);
+            total * at_strip.dy * at_strip.dy,
+            dot(select(vec4<f32>(0.0), vec4<f32>(1.0), seen), vec4<f32>(1.0)));
     }
     //end
-    partial[at + lane] = first;
-    partial[at + LANES + lane] = second;
-    //repeat row ROWS
+    leave(other, 0u, first, lane);
+    leave(other, 1u, second, lane);
+    //repeat row CHUNK
     {
         var sum = vec4<f32>(0.0);
         //repeat s STRIPS
         {
-            let g = $s * CHANNELS + 4u * $row;
+            let g = ($s * CHUNK + $row) * 4u;
             sum += vec4<f32>(dot(weights[$s], gradient[g]), dot(weights[$s], gradient[g + 1u]),
                 dot(weights[$s], gradient[g + 2u]), dot(weights[$s], gradient[g + 3u]));
         }
         //end
-        partial[at + (2u + $row) * LANES + lane] = sum;
+        leave(other, 2u + $row, sum, lane);
+    }
+    //end
+}
+
+/// Writes what the lanes left for this lane's hit of the batch.
+fn store_record(slot: u32, lane: u32) {
+    let first = record_row(0u, lane);
+    let second = record_row(1u, lane);
+    if pass_.chunk == 0u {
+        records[slot * RECORD] = first;
+        records[slot * RECORD + 1u] = second;
+    } else {
+        records[slot * RECORD] += vec4<f32>(first.xyz, 0.0);
+        records[slot * RECORD + 1u] += vec4<f32>(second.xyz, 0.0);
+    }
+    //repeat row CHUNK
+    {
+        let row = pass_.chunk * CHUNK + $row;
+        if row < ROWS { records[slot * RECORD + 2u + row] = record_row(2u + $row, lane); }
     }
     //end
 }
@@ -125,34 +139,24 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     load_pixels(corner, lane);
     var end = 0u;
     //repeat s STRIPS
-    {
-        end = max(end, max(max(last[$s].x, last[$s].y), max(last[$s].z, last[$s].w)));
-    }
+    end = max(end, max(max(last[$s].x, last[$s].y), max(last[$s].z, last[$s].w)));
     //end
-    ends[lane] = end;
-    workgroupBarrier();
-    if lane == 0u {
-        for (var i = 1u; i < LANES; i++) { end = max(end, ends[i]); }
-        last_end = max(end, range.x);
-    }
-    var stop = workgroupUniformLoad(&last_end);
-    for (var i = (stop - range.x) * RECORD + lane; i < (range.y - range.x) * RECORD; i += LANES) {
-        records[slot_from_sorted[range.x + i / RECORD] * RECORD + i % RECORD] = vec4<f32>(0.0);
+    var stop = max(largest(end, lane), range.x);
+    if pass_.chunk == 0u {
+        for (var hit = stop + lane; hit < range.y; hit += LANES) {
+            let record = slot_from_sorted[hit] * RECORD;
+            for (var row = 0u; row < RECORD; row++) { records[record + row] = vec4<f32>(0.0); }
+        }
     }
     while stop > range.x {
         let start = max(stop, range.x + BATCH) - BATCH;
-        for (var hit = stop; hit > start; hit--) {
-            add_hit(hit - 1u, corner, lane, (hit - 1u - start) * RECORD * LANES);
-        }
-        workgroupBarrier();
-        for (var i = lane; i < (stop - start) * RECORD; i += LANES) {
-            var sum = vec4<f32>(0.0);
-            for (var other = 0u; other < LANES; other++) {
-                sum += partial[i * LANES + other];
-            }
-            records[slot_from_sorted[start + i / RECORD] * RECORD + i % RECORD] = sum;
-        }
-        workgroupBarrier();
+        let slot = publish_hits(start, stop, lane);
+        meet();
+        //repeat j BATCH
+        add_hit(start + BATCH - 1u - $j, BATCH - 1u - $j, corner, lane);
+        //end
+        meet();
+        if lane < stop - start { store_record(slot, lane); }
         stop = start;
     }
 }

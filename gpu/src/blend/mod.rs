@@ -2,31 +2,31 @@
 //! section 6 and appendix C).
 //!
 //! One kernel for both heads; rows of the feature (1 for rgb and depth, `channels / 4` for
-//! language) reach WGSL as a constant. A workgroup is a tile of 16x16 pixels, a thread owns eight
-//! pixels. The backward pass leaves one record per hit in the hit's own slot: no atomics, the same
-//! bits each time.
+//! language) reach WGSL as a constant. A workgroup is a tile, a lane owns pixels in one row of it
+//! (see [`crate::tiling`]). Lanes load a batch of hits, one each, and hand them round. A dispatch
+//! blends at most [`CHUNK_ROWS`] rows; longer features take several. The backward pass leaves one
+//! record per hit in the hit's own slot: no atomics, the same bits each time.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{LANES, PassArguments, PixelState, Row, TILE};
+use crate::layout::{PassArguments, PixelState, Row, Splat};
 use crate::shader::{self, Access, Constant, GRID, Shader};
-use crate::tiles::{Hits, Ranks};
+use crate::tiles::Hits;
+use crate::tiling::Tiling;
 
 pub mod oracle;
 
-/// Bytes of workgroup memory that the backward batch may fill; WebGPU guarantees 16 KiB.
-const BATCH_BYTES: u32 = 12 << 10;
-
-/// Strips of four pixels per thread.
-const STRIPS: u32 = 2;
+/// Rows of a feature that a lane can keep for all its pixels.
+const CHUNK_ROWS: usize = 4;
 
 /// The blend of one head.
 pub struct Blend {
     forward: Kernel,
-    weights: Kernel,
+    touch: Kernel,
     backward: Kernel,
+    chunks: u32,
 }
 
 /// What the blend of one view reads.
@@ -35,16 +35,24 @@ pub struct Lists<'a> {
     /// The camera.
     pub arguments: &'a PassArguments,
     /// Projected Gaussians.
-    pub ranks: &'a Ranks,
+    pub splats: &'a Buffer<Splat>,
     /// The lists of all tiles.
     pub hits: &'a Hits,
-    /// First and end of each tile's list.
-    pub ranges: &'a Buffer<[u32; 2]>,
 }
 
 impl Lists<'_> {
     fn tiles(&self) -> u32 {
         self.arguments.tiles[0] * self.arguments.tiles[1]
+    }
+
+    /// The four buffers that every blend binds first.
+    fn buffers(&self) -> [&wgpu::Buffer; 4] {
+        [
+            &self.hits.ranges,
+            self.hits.slot_from_sorted(),
+            &self.hits.gaussian_from_slot,
+            self.splats,
+        ]
     }
 }
 
@@ -53,42 +61,46 @@ pub const fn record_rows(rows: usize) -> usize {
     2 + rows
 }
 
+/// Dispatches for features of `rows` rows.
+const fn chunks(rows: usize) -> usize {
+    rows.div_ceil(CHUNK_ROWS)
+}
+
 /// This kernel's shaders for features of `rows` rows; with `depth`, the fourth channel is z.
-pub fn shaders(rows: u32, depth: bool) -> [Shader; 3] {
+pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
     use Access::{Read, Write};
-    let batch = (BATCH_BYTES / ((2 + rows) * LANES * size_of::<Row>() as u32)).max(1);
-    let constants = vec![
-        ("STRIPS", Constant::U32(STRIPS)),
-        ("ROWS", Constant::U32(rows)),
-        ("CHANNELS", Constant::U32(4 * rows)),
-        ("DEPTH", Constant::Bool(depth)),
-        ("BATCH", Constant::U32(batch)),
-    ];
-    let feature = include_str!("../shared/feature.wgsl");
-    let shader = |label, text, parts: &[&'static str], bindings| Shader {
+    let chunk = rows.div_ceil(chunks(rows)) as u32;
+    let shader = |label, text, (chunk, left): (u32, u32), bindings| Shader {
         label,
         entry: "main",
-        parts: [GRID, shader::TILE].iter().chain(parts).copied().chain([text]).collect(),
-        constants: constants.clone(),
+        parts: vec![GRID, tiling.part(), shader::TILE, text],
+        constants: [
+            ("ROWS", Constant::U32(rows as u32)),
+            ("CHUNK", Constant::U32(chunk)),
+            ("DEPTH", Constant::Bool(depth)),
+        ]
+        .into_iter()
+        .chain(tiling.constants(2 + chunk, left))
+        .collect(),
         bindings,
     };
     [
         shader(
             if depth { "blend_colour" } else { "blend_language" },
             include_str!("forward.wgsl"),
-            &[feature],
-            vec![Read, Read, Read, Read, Write, Write],
+            (chunk, 0),
+            vec![Read, Read, Read, Read, Read, Write, Write],
         ),
         shader(
-            if depth { "weights_colour" } else { "weights_language" },
-            include_str!("weights.wgsl"),
-            &[],
-            vec![Read, Read, Read, Read, Write],
+            if depth { "touch_colour" } else { "touch_language" },
+            include_str!("touch.wgsl"),
+            (0, 1),
+            vec![Read, Read, Read, Read, Read, Write],
         ),
         shader(
             if depth { "blend_back_colour" } else { "blend_back_language" },
             include_str!("backward.wgsl"),
-            &[feature],
+            (chunk, 2 + chunk),
             vec![Read, Read, Read, Read, Read, Read, Read, Write],
         ),
     ]
@@ -100,12 +112,12 @@ impl Blend {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu, rows: usize, depth: bool) -> Result<Self, GpuError> {
-        const { assert!(TILE * TILE == LANES * STRIPS * 4, "threads cover a tile") };
-        let [forward, weights, backward] = shaders(rows as u32, depth);
+        let [forward, touch, backward] = shaders(gpu.tiling(), rows, depth);
         Ok(Self {
             forward: Kernel::new(gpu, &forward)?,
-            weights: Kernel::new(gpu, &weights)?,
+            touch: Kernel::new(gpu, &touch)?,
             backward: Kernel::new(gpu, &backward)?,
+            chunks: chunks(rows) as u32,
         })
     }
 
@@ -117,29 +129,28 @@ impl Blend {
         features: &Buffer<Row>,
         (image, pixels): (&Buffer<Row>, &Buffer<PixelState>),
     ) {
-        let buffers: [&wgpu::Buffer; 6] = [
-            lists.ranges,
-            &lists.hits.gaussian_from_sorted,
-            &lists.ranks.splats,
-            features,
-            image,
-            pixels,
-        ];
-        recorder.dispatch(&self.forward, lists.arguments, &buffers, lists.tiles());
+        let [ranges, slots, gaussians, splats] = lists.buffers();
+        let buffers: [&wgpu::Buffer; 7] =
+            [ranges, slots, gaussians, splats, features, image, pixels];
+        for chunk in 0..self.chunks {
+            let arguments = PassArguments { chunk, ..*lists.arguments };
+            recorder.dispatch(&self.forward, &arguments, &buffers, lists.tiles());
+        }
     }
 
-    /// Largest weight of each Gaussian in a finished forward pass, as float bits; `weights` is zero
-    /// before.
-    pub fn weights(
+    /// Leaves one row per hit in `records`, at the hit's slot: the sum of its blending weights in a
+    /// finished forward pass, and the number of pixels that it reaches with more than half of the
+    /// light left behind it.
+    pub fn touch(
         &self,
         recorder: &mut Recorder<'_>,
         lists: Lists<'_>,
         pixels: &Buffer<PixelState>,
-        weights: &Buffer<u32>,
+        records: &Buffer<Row>,
     ) {
-        let buffers: [&wgpu::Buffer; 5] =
-            [lists.ranges, &lists.hits.gaussian_from_sorted, &lists.ranks.splats, pixels, weights];
-        recorder.dispatch(&self.weights, lists.arguments, &buffers, lists.tiles());
+        let [ranges, slots, gaussians, splats] = lists.buffers();
+        let buffers: [&wgpu::Buffer; 6] = [ranges, slots, gaussians, splats, pixels, records];
+        recorder.dispatch(&self.touch, lists.arguments, &buffers, lists.tiles());
     }
 
     /// `features` has `rows` rows per Gaussian. Turns dL/dimage into one record per hit
@@ -152,16 +163,12 @@ impl Blend {
         (pixels, gradients): (&Buffer<PixelState>, &Buffer<Row>),
         records: &Buffer<Row>,
     ) {
-        let buffers: [&wgpu::Buffer; 8] = [
-            lists.ranges,
-            &lists.hits.gaussian_from_sorted,
-            &lists.hits.sort.values[0],
-            &lists.ranks.splats,
-            features,
-            pixels,
-            gradients,
-            records,
-        ];
-        recorder.dispatch(&self.backward, lists.arguments, &buffers, lists.tiles());
+        let [ranges, slots, gaussians, splats] = lists.buffers();
+        let buffers: [&wgpu::Buffer; 8] =
+            [ranges, slots, gaussians, splats, features, pixels, gradients, records];
+        for chunk in 0..self.chunks {
+            let arguments = PassArguments { chunk, ..*lists.arguments };
+            recorder.dispatch(&self.backward, &arguments, &buffers, lists.tiles());
+        }
     }
 }

@@ -13,8 +13,10 @@ pub struct Picture {
     pub image: Vec<f64>,
     /// Light that passes; height x width.
     pub transmittance: Vec<f64>,
-    /// Largest weight of each splat.
+    /// Sum over pixels of each splat's weight.
     pub weights: Vec<f64>,
+    /// Pixels that each splat reaches with more than half of the light left behind it.
+    pub touched: Vec<f32>,
 }
 
 /// Gradients of all splats.
@@ -78,13 +80,17 @@ pub fn forward(
         image: vec![0.0; pixels * channels],
         transmittance: vec![1.0; pixels],
         weights: vec![0.0; splats.len()],
+        touched: vec![0.0; splats.len()],
     };
     for pixel in 0..pixels {
         let (found, rest) = touches(splats, &order, [pixel % size[0], pixel / size[0]]);
         picture.transmittance[pixel] = rest;
         for touch in found {
             let weight = touch.alpha * touch.transmittance;
-            picture.weights[touch.splat] = picture.weights[touch.splat].max(weight);
+            picture.weights[touch.splat] += weight;
+            if touch.transmittance - weight > 0.5 {
+                picture.touched[touch.splat] += 1.0;
+            }
             for channel in 0..channels {
                 picture.image[pixel * channels + channel] +=
                     weight * features[touch.splat * channels + channel];

@@ -2,6 +2,8 @@
 //! that it may have out, best first. No device is needed here; whether the adapter keeps its word
 //! is for the self-test to say.
 
+use crate::tiling::Tiling;
+
 /// Width of the subgroups that the software tier relies on: what Mesa's llvmpipe has on x86 with
 /// AVX2.
 pub const SOFTWARE_SUBGROUP: u32 = 8;
@@ -9,8 +11,8 @@ pub const SOFTWARE_SUBGROUP: u32 = 8;
 /// Fewest lanes of a subgroup that is of any use.
 const FEWEST_LANES: u32 = 4;
 
-/// What kernels may rely on. On every tier: workgroup memory, barriers and one integer `atomicMax`
-/// whose result does not depend on the order; never a float atomic.
+/// What kernels may rely on. On every tier: workgroup memory and barriers; on none: atomics, whose
+/// order is nobody's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tier {
     /// The processor pretends to be a GPU: few threads that handle many pixels each do best.
@@ -45,6 +47,12 @@ impl Tier {
             Tier::Portable => None,
             Tier::Subgroup { min, max } => Some((min, max)),
         }
+    }
+
+    /// How tiles are spread over threads: one subgroup each, where their size is fixed.
+    pub fn tiling(self) -> Tiling {
+        let fixed = self.subgroup().filter(|(min, max)| min == max);
+        fixed.and_then(|(lanes, _)| Tiling::subgroup(lanes)).unwrap_or(Tiling::PORTABLE)
     }
 
     /// Optional features that a device of this tier must have.
@@ -98,7 +106,16 @@ impl Facts {
 
 #[cfg(test)]
 mod tests {
-    use super::{Facts, Tier};
+    use super::{Facts, Tier, Tiling};
+
+    #[test]
+    fn tiles_are_subgroups_where_the_size_is_fixed() {
+        let tiling = |min, max| Tier::Subgroup { min, max }.tiling();
+        assert_eq!(Tier::Software.tiling().lanes, 8);
+        assert!(Tier::Software.tiling().subgroups && tiling(32, 32).subgroups);
+        assert_eq!(tiling(32, 64), Tiling::PORTABLE);
+        assert_eq!(Tier::Portable.tiling(), Tiling::PORTABLE);
+    }
 
     #[test]
     fn facts_decide_and_portable_is_always_there() {

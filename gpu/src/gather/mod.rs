@@ -1,39 +1,53 @@
-//! Copies chosen elements of an array of words: `out[i] = in[index[i]]`, an element being `width`
-//! words.
+//! Copies chosen elements of an array: `out[i] = in[index[i]]`, an element being `width` words of
+//! four bytes. Elements of whole rows are copied row by row.
 //!
-//! This is how Gaussians are dropped without leaving the device.
+//! This is how Gaussians are dropped, copied and re-ordered without leaving the device. An entry of
+//! `index` holds the source in its low 30 bits ([`INDEX_MASK`]) and two marks above: [`FRESH`] for
+//! a newborn, which [`Gather::gather_state`] gives zeros, and
+//! [`CHILD`](crate::layout::CHILD), which this kernel ignores.
+//!
+//! [`INDEX_MASK`]: crate::layout::INDEX_MASK
+//! [`FRESH`]: crate::layout::FRESH
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::ArrayArguments;
+use crate::layout::GatherArguments;
 use crate::shader::{Access, GRID, Shader};
 
-/// The kernel.
+/// Words per row.
+const ROW_WORDS: usize = 4;
+
+/// The kernels.
 pub struct Gather {
-    kernel: Kernel,
+    words: Kernel,
+    rows: Kernel,
 }
 
-/// This kernel's shader.
-pub fn shaders() -> [Shader; 1] {
-    [Shader {
-        label: "gather",
+/// This kernel's shaders: by words and by rows.
+pub fn shaders() -> [Shader; 2] {
+    let shader = |label, unit| Shader {
+        label,
         entry: "main",
-        parts: vec![GRID, include_str!("gather.wgsl")],
+        parts: vec![GRID, unit, include_str!("gather.wgsl")],
         constants: Vec::new(),
         bindings: vec![Access::Read, Access::Read, Access::Write],
-    }]
+    };
+    [
+        shader("gather_words", include_str!("words.wgsl")),
+        shader("gather_rows", include_str!("rows.wgsl")),
+    ]
 }
 
 impl Gather {
-    /// Compiles the kernel.
+    /// Compiles the kernels.
     ///
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [shader] = shaders();
-        Ok(Self { kernel: Kernel::new(gpu, &shader)? })
+        let [words, rows] = shaders();
+        Ok(Self { words: Kernel::new(gpu, &words)?, rows: Kernel::new(gpu, &rows)? })
     }
 
     /// Fills the first `index.len()` elements of `to`; an element is `width` words of four bytes.
@@ -41,11 +55,36 @@ impl Gather {
         &self,
         recorder: &mut Recorder<'_>,
         index: &Buffer<u32>,
-        (from, to): (&wgpu::Buffer, &wgpu::Buffer),
+        buffers: (&wgpu::Buffer, &wgpu::Buffer),
         width: usize,
     ) {
-        let words = index.len() * width;
-        let arguments = ArrayArguments { count: words as u32, detail: width as u32 };
-        recorder.dispatch_threads(&self.kernel, &arguments, &[index, from, to], words);
+        self.record(recorder, index, buffers, (width, false));
+    }
+
+    /// As [`Gather::gather`], for state that a newborn does not inherit: it gets zeros.
+    pub fn gather_state(
+        &self,
+        recorder: &mut Recorder<'_>,
+        index: &Buffer<u32>,
+        buffers: (&wgpu::Buffer, &wgpu::Buffer),
+        width: usize,
+    ) {
+        self.record(recorder, index, buffers, (width, true));
+    }
+
+    fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        index: &Buffer<u32>,
+        (from, to): (&wgpu::Buffer, &wgpu::Buffer),
+        (width, fresh): (usize, bool),
+    ) {
+        let by_rows = width.is_multiple_of(ROW_WORDS);
+        let (kernel, width) =
+            if by_rows { (&self.rows, width / ROW_WORDS) } else { (&self.words, width) };
+        let units = index.len() * width;
+        let arguments =
+            GatherArguments { count: units as u32, width: width as u32, fresh: u32::from(fresh) };
+        recorder.dispatch_threads(kernel, &arguments, &[index, from, to], units);
     }
 }

@@ -1,5 +1,5 @@
-// first |rgb - target| + second |D - D_gt| of a pixel, and its gradient. A negative target is no
-// measurement.
+// first |exp(a) rgb + b - target| + second |D - D_gt| of a pixel, and its gradient. A negative target
+// is no measurement.
 
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
@@ -13,10 +13,14 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let pixel = linear_thread(group, groups, lane);
     if pixel >= arguments.count { return; }
     let wanted = target_[pixel];
-    let off = image[pixel] - wanted;
+    let gain = vec4<f32>(vec3<f32>(exp(arguments.exposure.x)), 1.0);
+    let exposed = gain * image[pixel];
+    let off = exposed + vec4<f32>(vec3<f32>(arguments.exposure.y), 0.0) - wanted;
     let factor = vec4<f32>(vec3<f32>(arguments.first), arguments.second);
     let used = select(vec4<f32>(0.0), factor, wanted >= vec4<f32>(0.0));
-    gradients[pixel] = used * sign(off);
+    let d_off = used * sign(off);
+    gradients[pixel] = gain * d_off;
     let term = used * abs(off);
-    terms[pixel] = vec4<f32>(term.x + term.y + term.z, term.w, 0.0, 0.0);
+    terms[pixel] = vec4<f32>(term.x + term.y + term.z, term.w, dot(d_off.xyz, exposed.xyz),
+        d_off.x + d_off.y + d_off.z);
 }

@@ -1,11 +1,12 @@
 //! Losses with their gradients, fused: one thread per pixel or per Gaussian.
 //!
-//! - colour: `w_c mean|rgb - target|` where colour is valid, plus `w_d mean|D - D_gt|` where depth
-//!   was measured. D is the blended depth, not divided by opacity, as in the paper: where the map
+//! - colour: `w_c mean|exp(a) rgb + b - target|` where colour is valid, (a, b) being the view's
+//!   exposure, plus `w_d mean|D - D_gt|` where depth was measured. D is the blended depth, not divided by opacity, as in the paper: where the map
 //!   is thin the gradient asks for more opacity as well as for another depth.
 //! - language: `w_l mean|codes - target|` over all pixels and channels.
-//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|` over all Gaussians,
-//!   axes.
+//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|`; the factors are for
+//!   the mean over all Gaussians and axes, the sum goes over those that the view sees, which alone
+//!   are moved.
 //!
 //! Every mean is over its own valid values. The gradient of |x| at 0 is 0.
 
@@ -14,6 +15,7 @@ use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
 use crate::layout::{LossArguments, Row};
+use crate::order::Ranks;
 use crate::shader::{Access, GRID, SCALES, Shader};
 use crate::target::{ColourTarget, LanguageTarget};
 
@@ -84,8 +86,12 @@ pub fn shaders() -> [Shader; 4] {
     [
         shader("loss_colour", include_str!("colour.wgsl"), vec![Read, Read, Write, Write]),
         shader("loss_language", include_str!("language.wgsl"), vec![Read, Read, Write, Write]),
-        shader("loss_isotropic", include_str!("isotropic.wgsl"), vec![Read, Write, Write]),
-        shader("loss_tie", include_str!("tie.wgsl"), vec![Read, Read, Write, Write]),
+        shader(
+            "loss_isotropic",
+            include_str!("isotropic.wgsl"),
+            vec![Read, Read, Read, Write, Write],
+        ),
+        shader("loss_tie", include_str!("tie.wgsl"), vec![Read, Read, Read, Read, Write, Write]),
     ]
 }
 
@@ -109,11 +115,12 @@ impl Loss {
         })
     }
 
-    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (colour, depth, 0, 0).
+    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (colour, depth, dL/da,
+    /// dL/db) for the exposure (a, b).
     pub fn colour(
         &self,
         recorder: &mut Recorder<'_>,
-        target: &ColourTarget,
+        (target, exposure): (&ColourTarget, [f32; 2]),
         weights: &LossWeights,
         (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
     ) {
@@ -123,6 +130,8 @@ impl Loss {
             rows: 1,
             first: share(weights.colour, 3 * target.colour_pixels),
             second: share(weights.depth, target.depth_pixels),
+            exposure,
+            unused: [0.0; 2],
         };
         let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
         recorder.dispatch_threads(&self.colour, &arguments, &buffers, target.rows.len());
@@ -142,41 +151,48 @@ impl Loss {
             count: pixels as u32,
             rows: target.rows.len().checked_div(pixels).unwrap_or(0) as u32,
             first: share(weights.language, pixels * target.channels),
-            second: 0.0,
+            ..LossArguments::default()
         };
         let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
         recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
     }
 
     /// Adds the gradient of the isotropy term to that of the colour geometry; `terms` gets
-    /// (isotropic, 0, 0, 0) of each of the `count` Gaussians.
+    /// (isotropic, 0, 0, 0) of each rank. `count` is the size of the map.
     pub fn isotropic(
         &self,
         recorder: &mut Recorder<'_>,
         (weight, count): (f32, usize),
-        colour: &Buffer<Row>,
+        (ranks, colour): (&Ranks, &Buffer<Row>),
         (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
     ) {
         let arguments = shape_arguments(weight, count);
-        let buffers: [&wgpu::Buffer; 3] = [colour, gradients, terms];
-        recorder.dispatch_threads(&self.isotropic, &arguments, &buffers, count);
+        let buffers: [&wgpu::Buffer; 5] =
+            [&ranks.visible, ranks.gaussian_from_rank(), colour, gradients, terms];
+        ranks.run(recorder, &self.isotropic, &arguments, &buffers);
     }
 
     /// Adds the gradient of the tie term to that of the language geometry; `terms` gets
-    /// (tie, 0, 0, 0) of each of the `count` Gaussians.
+    /// (tie, 0, 0, 0) of each rank. `count` is the size of the map.
     pub fn tie(
         &self,
         recorder: &mut Recorder<'_>,
         (weight, count): (f32, usize),
-        (colour, language): (&Buffer<Row>, &Buffer<Row>),
+        (ranks, colour, language): (&Ranks, &Buffer<Row>, &Buffer<Row>),
         (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
     ) {
         let arguments = shape_arguments(weight, count);
-        let buffers: [&wgpu::Buffer; 4] = [colour, language, gradients, terms];
-        recorder.dispatch_threads(&self.tie, &arguments, &buffers, count);
+        let buffers: [&wgpu::Buffer; 6] =
+            [&ranks.visible, ranks.gaussian_from_rank(), colour, language, gradients, terms];
+        ranks.run(recorder, &self.tie, &arguments, &buffers);
     }
 }
 
 fn shape_arguments(weight: f32, count: usize) -> LossArguments {
-    LossArguments { count: count as u32, rows: 2, first: share(weight, 3 * count), second: 0.0 }
+    LossArguments {
+        count: count as u32,
+        rows: 2,
+        first: share(weight, 3 * count),
+        ..LossArguments::default()
+    }
 }

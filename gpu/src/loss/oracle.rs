@@ -13,6 +13,22 @@ pub fn mean_absolute(weight: f64, values: &[f64], targets: &[Option<f64>]) -> (f
     (loss, gradient)
 }
 
+/// As [`mean_absolute`] of `exp(a) value + b`, the exposure being (a, b): loss, gradient with
+/// respect to the values, gradient with respect to (a, b).
+pub fn exposed(
+    weight: f64,
+    [a, b]: [f64; 2],
+    values: &[f64],
+    targets: &[Option<f64>],
+) -> (f64, Vec<f64>, [f64; 2]) {
+    let gain = a.exp();
+    let shown: Vec<f64> = values.iter().map(|value| gain * value + b).collect();
+    let (loss, d_shown) = mean_absolute(weight, &shown, targets);
+    let d_a = d_shown.iter().zip(values).map(|(d, value)| d * gain * value).sum();
+    let d_b = d_shown.iter().sum();
+    (loss, d_shown.into_iter().map(|d| gain * d).collect(), [d_a, d_b])
+}
+
 /// `weight * mean|S - mean_axis(S)|` over all axes of all Gaussians, S = exp(log scale), and its
 /// gradient with respect to the log scales.
 pub fn isotropic(weight: f64, log_scales: &[[f64; 3]]) -> (f64, Vec<[f64; 3]>) {

@@ -1,22 +1,33 @@
 // A Gaussian as one camera sees it (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T + DILATION.
-// Whatever cannot be drawn, NaN included, gets no hits and the largest key.
+// Whatever cannot be drawn, NaN included, gets no hits.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> means: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> geometry: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(4) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(5) var<storage, read_write> gaussian_from_rank: array<u32>;
-@group(0) @binding(6) var<storage, read_write> hits: array<u32>;
+@group(0) @binding(4) var<storage, read_write> coverage: array<vec2<u32>>;
+
+/// Number of hits, and which tiles of its rectangle they are if it has few.
+fn covered(splat: Splat) -> vec2<u32> {
+    let rect = tile_rect(splat);
+    var found = vec2<u32>(0u);
+    var at = 0u;
+    for (var y = rect.y; y < rect.w; y++) {
+        for (var x = rect.x; x < rect.z; x++) {
+            let hit = u32(touches(splat, vec2<u32>(x, y)));
+            found += vec2<u32>(hit, hit << min(at, MASK_TILES - 1u));
+            at += 1u;
+        }
+    }
+    return found;
+}
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
     let gaussian = linear_thread(group, groups, lane);
     if gaussian >= pass_.count { return; }
-    keys[gaussian] = 0xffffffffu;
-    gaussian_from_rank[gaussian] = gaussian;
-    hits[gaussian] = 0u;
+    coverage[gaussian] = vec2<u32>(0u);
     let shape = geometry[2u * gaussian + 1u];
     let q = geometry[2u * gaussian];
     let p = camera_point(means[gaussian].xyz);
@@ -36,20 +47,13 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let drawable = sigma.w > 0.0 && sigma.w < HUGE && is_finite(sigma.x) && is_finite(sigma.z)
         && is_finite(mean.x) && is_finite(mean.y);
     if !drawable { return; }
-    let reach = 2.0 * log(opacity / MIN_ALPHA);
-    let extent = sqrt(max(reach, 0.0) * sigma.xz);
-    let splat =
-        Splat(mean, extent, conic_of(sigma), opacity, p.z, reach, vec2<f32>(0.0));
+    // exp(-q / 2) = 2^(-q BITS / 2)
+    let reach = max(log2(opacity / MIN_ALPHA), 0.0);
+    let extent = sqrt(2.0 * reach / BITS_PER_NAT * sigma.xz);
+    let conic = BITS_PER_NAT * vec3<f32>(0.5, 1.0, 0.5) * conic_of(sigma);
+    let place = vec4<f32>(mean, conic.xy);
+    let form = vec4<f32>(conic.z, log2(opacity), p.z, reach);
+    let splat = Splat(place, form, extent, vec2<f32>(0.0));
     splats[gaussian] = splat;
-    let rect = tile_rect(splat);
-    var count = 0u;
-    for (var y = rect.y; y < rect.w; y++) {
-        for (var x = rect.x; x < rect.z; x++) {
-            count += select(0u, 1u, touches(splat, vec2<u32>(x, y)));
-        }
-    }
-    hits[gaussian] = count;
-    if count > 0u {
-        keys[gaussian] = bitcast<u32>(p.z);
-    }
+    coverage[gaussian] = covered(splat);
 }

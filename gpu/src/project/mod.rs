@@ -1,20 +1,27 @@
 //! Projection of Gaussians into one camera (EWA; Kerbl et al. 2023, equation 5), and back (their
 //! appendix A).
 //!
-//! Forward: mean, rotation, scale, opacity to [`Splat`](crate::layout::Splat), depth key and number
-//! of hits. Backward: first the records of a Gaussian's hits are summed in order, then the sums are
-//! taken through conic, covariance, Jacobian and rotation. The colour head moves the mean; the
-//! language head does not (paper, disentangled optimisation).
+//! Forward: mean, rotation, scale, opacity to [`Splat`], number of hits and the tiles they are.
+//! Backward, for the ranks of a view: first the records of a rank's hits are summed in order, then
+//! the sums are taken through conic, covariance, Jacobian and rotation. The colour head moves the
+//! mean and the camera; the language head does not (paper §4.3).
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{ArrayArguments, PassArguments, Row};
-use crate::shader::{Access, Constant, GEOMETRY, GRID, SCALES, Shader};
-use crate::tiles::Ranks;
+use crate::layout::{PassArguments, Row, Splat};
+use crate::order::Ranks;
+use crate::shader::{Access, Constant, EXTENT, GEOMETRY, GRID, SCALES, Shader};
+use crate::tiles::Hits;
+use crate::tiling::Tiling;
 
 pub mod oracle;
+
+/// Rows of the sums of the colour head, and of the language head.
+pub(crate) const SUM_ROWS: [usize; 2] = [3, 2];
+/// Rows of [`HeadGradients::moves`].
+pub const MOVE_ROWS: usize = 3;
 
 /// The projection of one head.
 pub struct Project {
@@ -23,45 +30,83 @@ pub struct Project {
     backward: Kernel,
 }
 
-/// Gradients of one head, laid out as its parameters.
+/// What one head of every Gaussian looks like from one camera.
+pub struct Projected {
+    /// Only of those with a hit.
+    pub splats: Buffer<Splat>,
+    /// Number of hits; if few tiles come into question, a bit for each that is hit.
+    pub coverage: Buffer<[u32; 2]>,
+}
+
+/// Gradients of one head, in the order of ranks.
 pub struct HeadGradients {
-    /// Sums of the records: two rows per Gaussian; the last value of the first row is the sum of
-    /// the blending weights, zero for a Gaussian that no pixel saw.
+    /// Sums of the records: the last value of the first row is the sum of the blending weights,
+    /// zero for a Gaussian that no pixel saw.
     pub sums: Buffer<Row>,
     /// Rotation; log scale and opacity logit.
     pub geometry: Buffer<Row>,
     /// Feature.
     pub features: Buffer<Row>,
+    /// Of the colour head: the mean; this Gaussian's share of the gradients with respect to the
+    /// translation and the rotation of the camera.
+    pub moves: Buffer<Row>,
+    /// Rows per rank of `sums`.
+    pub sum_rows: usize,
 }
 
-/// This kernel's shaders for the colour head (`colour`) or for the language head.
-pub fn shaders(colour: bool) -> [Shader; 3] {
+/// This kernel's shaders for features of `rows` rows of the colour head (`colour`) or of the
+/// language head.
+pub fn shaders(tiling: Tiling, rows: usize, colour: bool) -> [Shader; 3] {
     use Access::{Read, Write};
     let shader = |label, parts, bindings| Shader {
         label,
         entry: "main",
         parts,
-        constants: vec![("COLOUR", Constant::Bool(colour))],
+        constants: [
+            ("COLOUR", Constant::Bool(colour)),
+            ("ROWS", Constant::U32(rows as u32)),
+            ("RECORD", Constant::U32(2 + rows as u32)),
+            ("SUMS", Constant::U32(sum_rows(colour) as u32)),
+        ]
+        .into_iter()
+        .chain(tiling.constants(1, 1))
+        .collect(),
         bindings,
     };
-    let extent = include_str!("../shared/extent.wgsl");
     [
         shader(
             if colour { "project_colour" } else { "project_language" },
-            vec![GRID, SCALES, GEOMETRY, extent, include_str!("forward.wgsl")],
-            vec![Read, Read, Write, Write, Write, Write],
+            vec![GRID, SCALES, GEOMETRY, EXTENT, include_str!("forward.wgsl")],
+            vec![Read, Read, Write, Write],
         ),
         shader(
             if colour { "collect_colour" } else { "collect_language" },
             vec![GRID, include_str!("collect.wgsl")],
-            vec![Read, Read, Read, Read, Write, Write],
+            vec![Read, Read, Write, Write],
         ),
         shader(
             if colour { "project_back_colour" } else { "project_back_language" },
             vec![GRID, SCALES, GEOMETRY, include_str!("backward.wgsl")],
-            vec![Read, Read, Read, Write, Write],
+            vec![Read, Read, Read, Read, Write, Write],
         ),
     ]
+}
+
+const fn sum_rows(colour: bool) -> usize {
+    SUM_ROWS[if colour { 0 } else { 1 }]
+}
+
+impl Projected {
+    /// Room for `capacity` Gaussians.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self, GpuError> {
+        Ok(Self {
+            splats: Buffer::new(gpu, "splats", capacity)?,
+            coverage: Buffer::new(gpu, "coverage", capacity)?,
+        })
+    }
 }
 
 impl HeadGradients {
@@ -69,12 +114,21 @@ impl HeadGradients {
     ///
     /// # Errors
     /// As [`Buffer::new`].
-    pub fn new(gpu: &Gpu, capacity: usize, rows: usize) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, capacity: usize, rows: usize, colour: bool) -> Result<Self, GpuError> {
+        let sum_rows = sum_rows(colour);
+        let moves = if colour { MOVE_ROWS * capacity } else { 1 };
         Ok(Self {
-            sums: Buffer::new(gpu, "record sums", 2 * capacity)?,
+            sums: Buffer::new(gpu, "record sums", sum_rows * capacity)?,
             geometry: Buffer::new(gpu, "geometry gradients", 2 * capacity)?,
             features: Buffer::new(gpu, "feature gradients", rows * capacity)?,
+            moves: Buffer::new(gpu, "mean and pose gradients", moves)?,
+            sum_rows,
         })
+    }
+
+    /// Bytes on the device.
+    pub fn device_bytes(&self) -> u64 {
+        [&self.sums, &self.geometry, &self.features, &self.moves].iter().map(|b| b.size()).sum()
     }
 }
 
@@ -83,8 +137,8 @@ impl Project {
     ///
     /// # Errors
     /// As [`Kernel::new`].
-    pub fn new(gpu: &Gpu, colour: bool) -> Result<Self, GpuError> {
-        let [forward, collect, backward] = shaders(colour);
+    pub fn new(gpu: &Gpu, rows: usize, colour: bool) -> Result<Self, GpuError> {
+        let [forward, collect, backward] = shaders(gpu.tiling(), rows, colour);
         Ok(Self {
             forward: Kernel::new(gpu, &forward)?,
             collect: Kernel::new(gpu, &collect)?,
@@ -92,55 +146,33 @@ impl Project {
         })
     }
 
-    /// Fills splats, depth keys, identity ranks and numbers of hits.
+    /// Fills splats and coverage of all Gaussians.
     pub fn forward(
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
         (means, geometry): (&Buffer<Row>, &Buffer<Row>),
-        ranks: &Ranks,
+        projected: &Projected,
     ) {
-        let sort = &ranks.sort;
-        recorder.dispatch_threads(
-            &self.forward,
-            arguments,
-            &[means, geometry, &ranks.splats, &sort.keys[0], &sort.values[0], &ranks.hits],
-            arguments.count as usize,
-        );
+        let buffers: [&wgpu::Buffer; 4] = [means, geometry, &projected.splats, &projected.coverage];
+        recorder.dispatch_threads(&self.forward, arguments, &buffers, arguments.count as usize);
     }
 
-    /// Sums the records of the backward blend per Gaussian, then takes them back to the parameters.
-    /// `mean_gradients` is written by the colour head and left alone by the language head.
+    /// Sums the records of the backward blend per rank, then takes them back to the parameters.
     pub fn backward(
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
         (means, geometry): (&Buffer<Row>, &Buffer<Row>),
-        (ranks, records): (&Ranks, &Buffer<Row>),
-        (mean_gradients, gradients): (&Buffer<Row>, &HeadGradients),
+        (ranks, hits, records): (&Ranks, &Hits, &Buffer<Row>),
+        gradients: &HeadGradients,
     ) {
-        let count = arguments.count as usize;
-        let rows = (gradients.features.len() / (gradients.sums.len() / 2)) as u32;
-        let collect = ArrayArguments { count: arguments.count, detail: rows };
-        let gaussian_from_rank = &ranks.sort.values[0];
-        recorder.dispatch_threads(
-            &self.collect,
-            &collect,
-            &[
-                gaussian_from_rank,
-                &ranks.slot_from_rank,
-                &ranks.hits,
-                records,
-                &gradients.sums,
-                &gradients.features,
-            ],
-            count,
-        );
-        recorder.dispatch_threads(
-            &self.backward,
-            arguments,
-            &[means, geometry, &gradients.sums, mean_gradients, &gradients.geometry],
-            count,
-        );
+        let HeadGradients { sums, features, moves, .. } = gradients;
+        let buffers: [&wgpu::Buffer; 4] = [&hits.slot_from_rank, records, sums, features];
+        ranks.run(recorder, &self.collect, arguments, &buffers);
+        let gaussian_from_rank = ranks.gaussian_from_rank();
+        let buffers: [&wgpu::Buffer; 6] =
+            [gaussian_from_rank, means, geometry, sums, moves, &gradients.geometry];
+        ranks.run(recorder, &self.backward, arguments, &buffers);
     }
 }

@@ -1,4 +1,4 @@
-//! Sum of an array of rows, component by component, in a fixed order.
+//! Sum of one row of each element of an array, component by component, in a fixed order.
 //!
 //! A thread sums a run of [`RUN`] rows; the sums are summed again until one is left.
 
@@ -6,12 +6,26 @@ use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{ArrayArguments, RUN, Row};
+use crate::layout::{RUN, ReduceArguments, Row};
 use crate::shader::{Access, GRID, Shader};
 
 /// The kernel of a sum.
 pub struct Reduce {
     kernel: Kernel,
+    no_limit: Buffer<u32>,
+}
+
+/// What is summed.
+#[derive(Clone, Copy)]
+pub struct Summands<'a> {
+    /// All elements.
+    pub rows: &'a Buffer<Row>,
+    /// Number of elements.
+    pub len: usize,
+    /// Rows of an element, and the one that is summed.
+    pub row: (u32, u32),
+    /// A buffer whose first value is the number of elements that count, if not all do.
+    pub limit: Option<&'a wgpu::Buffer>,
 }
 
 /// Sums of runs for arrays up to one length.
@@ -26,7 +40,7 @@ pub fn shaders() -> [Shader; 1] {
         entry: "main",
         parts: vec![GRID, include_str!("reduce.wgsl")],
         constants: Vec::new(),
-        bindings: vec![Access::Read, Access::Write],
+        bindings: vec![Access::Read, Access::Read, Access::Write],
     }]
 }
 
@@ -37,7 +51,8 @@ impl Reduce {
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let [shader] = shaders();
-        Ok(Self { kernel: Kernel::new(gpu, &shader)? })
+        let no_limit = Buffer::from_slice(gpu, "no limit", &[u32::MAX])?;
+        Ok(Self { kernel: Kernel::new(gpu, &shader)?, no_limit })
     }
 
     /// Room to sum up to `len` rows.
@@ -52,25 +67,25 @@ impl Reduce {
         })
     }
 
-    /// Writes the sum of the first `len` rows to `results[slot]`; the sum of nothing writes
-    /// nothing.
+    /// Writes the sum to `results[slot]`; the sum of no element writes nothing.
     pub fn sum(
         &self,
         recorder: &mut Recorder<'_>,
-        (rows, len): (&Buffer<Row>, usize),
+        summands: Summands<'_>,
         (results, slot): (&Buffer<Row>, u32),
         scratch: &ReduceScratch,
     ) {
-        let (mut from, mut len) = (rows, len);
+        let Summands { rows: mut from, mut len, row: (mut stride, mut row), .. } = summands;
+        let mut limit = summands.limit.unwrap_or(&self.no_limit);
         for side in (0..2).cycle() {
             let runs = len.div_ceil(RUN as usize);
-            let (to, detail) = if runs > 1 { (&scratch.levels[side], 0) } else { (results, slot) };
-            let arguments = ArrayArguments { count: len as u32, detail };
-            recorder.dispatch_threads(&self.kernel, &arguments, &[from, to], runs);
+            let (to, slot) = if runs > 1 { (&scratch.levels[side], 0) } else { (results, slot) };
+            let arguments = ReduceArguments { count: len as u32, stride, row, slot };
+            recorder.dispatch_threads(&self.kernel, &arguments, &[limit, from, to], runs);
             if runs <= 1 {
                 return;
             }
-            (from, len) = (to, runs);
+            (from, len, stride, row, limit) = (to, runs, 1, 0, &self.no_limit);
         }
     }
 }

@@ -1,8 +1,9 @@
-/// A thread owns STRIPS strips of four neighbouring pixels in one row of its tile.
+/// A lane owns STRIPS strips of four neighbouring pixels in one row of its tile.
 
 /// Leftmost pixel of a strip.
 fn strip_origin(tile: vec2<u32>, lane: u32, strip: u32) -> vec2<u32> {
-    return tile * TILE + vec2<u32>((lane % 2u) * 8u + strip * 4u, lane / 2u);
+    let column = (lane % COLUMNS) * STRIPS + strip;
+    return tile * vec2<u32>(TILE_WIDTH, TILE_HEIGHT) + vec2<u32>(4u * column, lane / COLUMNS);
 }
 
 /// Which of the four pixels of a strip lie in the image.
@@ -16,19 +17,36 @@ struct Footprint {
     /// Centre minus pixel.
     dx: vec4<f32>,
     dy: f32,
-    /// exp(-(A dx^2 + C dy^2) / 2 - B dx dy)
-    gauss: vec4<f32>,
-    /// min(MAX_ALPHA, opacity gauss), 0 where it is skipped.
+    /// opacity exp(-q / 2), q the squared Mahalanobis distance; 0 where it is below MIN_ALPHA.
     alpha: vec4<f32>,
 }
 
-fn footprint(splat: Splat, origin: vec2<u32>) -> Footprint {
-    let dx = vec4<f32>(splat.mean.x - f32(origin.x)) - vec4<f32>(0.0, 1.0, 2.0, 3.0);
-    let dy = splat.mean.y - f32(origin.y);
-    let power = -0.5 * (splat.conic.x * dx * dx + vec4<f32>(splat.conic.z * dy * dy))
-        - splat.conic.y * dy * dx;
-    let gauss = exp(power);
-    let alpha = min(vec4<f32>(MAX_ALPHA), splat.opacity * gauss);
-    let drawn = (power <= vec4<f32>(0.0)) & (alpha >= vec4<f32>(MIN_ALPHA));
-    return Footprint(dx, dy, gauss, select(vec4<f32>(0.0), alpha, drawn));
+/// `place` and `form` are a Splat's, whose conic and opacity are made for powers of two.
+fn footprint(place: vec4<f32>, form: vec4<f32>, origin: vec2<f32>) -> Footprint {
+    let dx = vec4<f32>(place.x - origin.x) - vec4<f32>(0.0, 1.0, 2.0, 3.0);
+    let dy = place.y - origin.y;
+    let power = vec4<f32>(form.y - form.x * dy * dy) - dx * (place.z * dx + vec4<f32>(place.w * dy));
+    let alpha = exp2(power);
+    return Footprint(dx, dy, select(vec4<f32>(0.0), alpha, alpha >= vec4<f32>(MIN_ALPHA)));
+}
+
+/// Loads the hits from `start` on, one per lane, and hands round their splats and CHUNK rows of
+/// their features; hits from `end` on are too faint to be drawn. Returns this lane's slot.
+fn publish_hits(start: u32, end: u32, lane: u32) -> u32 {
+    let slot = slot_from_sorted[min(start + lane % BATCH, end - 1u)];
+    let gaussian = gaussian_from_slot[slot];
+    var form = splats[gaussian].form;
+    form.y = select(-HUGE, form.y, start + lane < end);
+    publish(0u, splats[gaussian].place, lane);
+    publish(1u, form, lane);
+    //repeat row CHUNK
+    {
+        let row = pass_.chunk * CHUNK + $row;
+        var feature = vec4<f32>(0.0);
+        if row < ROWS { feature = features[gaussian * ROWS + row]; }
+        if DEPTH { feature.w = form.z; }
+        publish(2u + $row, feature, lane);
+    }
+    //end
+    return slot;
 }

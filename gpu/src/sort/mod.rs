@@ -1,60 +1,104 @@
 //! Stable radix sort of `u32` keys with one `u32` of payload, least significant digit first.
 //!
-//! A thread owns a run of [`SORT_RUN`] elements: it counts its digits into a table (digit by run),
-//! the table is scanned, and the thread then places its elements in order. Stable without a
-//! barrier. The number of elements is read on the device and may be below the capacity.
+//! The elements are cut into as many runs as suit the adapter, one thread each: a thread counts the
+//! digits of its run into its column of a table (digit by run), the table is scanned, and the thread
+//! then places its elements in order. Stable without a barrier, an atomic or a subgroup operation.
+//! The number of elements is read on the device; what lies beyond costs nothing.
+//!
+//! An adapter with few threads takes few runs and wide digits, hence few passes; one with many
+//! threads the opposite ([`SortShape`]).
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{ArrayArguments, DIGIT_BITS, DIGITS, SORT_RUN};
+use crate::layout::SortArguments;
 use crate::scan::{Scan, ScanScratch};
-use crate::shader::{Access, GRID, Shader};
+use crate::shader::{Access, Constant, Shader};
 
 pub mod oracle;
+
+/// How a sort is spread over threads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SortShape {
+    /// Runs, at most.
+    pub runs: u32,
+    /// Threads per workgroup.
+    pub group: u32,
+    /// Bits of a digit, at most.
+    pub bits: u32,
+}
+
+impl SortShape {
+    /// For adapters with a handful of threads.
+    pub const FEW_THREADS: Self = Self { runs: 64, group: 8, bits: 12 };
+    /// For adapters with thousands.
+    pub const MANY_THREADS: Self = Self { runs: 16_384, group: 64, bits: 5 };
+
+    /// Passes over keys of `bits` bits, and the bits that each takes.
+    fn passes(&self, bits: u32) -> (u32, u32) {
+        let passes = bits.div_ceil(self.bits).max(1);
+        (passes, bits.div_ceil(passes).max(1))
+    }
+
+    /// Runs for up to `capacity` elements.
+    fn runs_for(&self, capacity: usize) -> u32 {
+        self.runs.min(capacity.div_ceil(16).next_multiple_of(self.group as usize) as u32)
+    }
+}
 
 /// The kernels of a sort.
 pub struct Sort {
     count: Kernel,
     place: Kernel,
     scan: Scan,
+    shape: SortShape,
 }
 
 /// Keys and payloads of up to `capacity` elements, twice: a pass reads one side and writes the
 /// other.
 pub struct SortBuffers {
-    /// Keys; input and result are on side 0.
+    /// Keys; the input is on side 0, the result on side [`SortBuffers::side`].
     pub keys: [Buffer<u32>; 2],
-    /// Payload; input and result are on side 0.
+    /// Payload, likewise.
     pub values: [Buffer<u32>; 2],
     table: Buffer<u32>,
     scan: ScanScratch,
-    capacity: usize,
+    runs: u32,
+    bits: u32,
+    passes: u32,
 }
 
 /// This kernel's shaders.
-pub fn shaders() -> [Shader; 2] {
+pub fn shaders(shape: SortShape) -> [Shader; 2] {
     use Access::{Read, Write};
-    let shader = |label, parts, bindings| Shader {
+    let shader = |label, text, bindings| Shader {
         label,
         entry: "main",
-        parts,
-        constants: Vec::new(),
+        parts: vec![text],
+        constants: vec![("SORT_GROUP", Constant::U32(shape.group))],
         bindings,
     };
-    let count = vec![GRID, include_str!("count.wgsl")];
-    let place = vec![GRID, include_str!("place.wgsl")];
     [
-        shader("sort_count", count, vec![Read, Read, Write]),
-        shader("sort_place", place, vec![Read, Read, Read, Read, Write, Write]),
+        shader("sort_count", include_str!("count.wgsl"), vec![Read, Read, Write]),
+        shader(
+            "sort_place",
+            include_str!("place.wgsl"),
+            vec![Read, Write, Read, Read, Write, Write],
+        ),
     ]
 }
 
 impl SortBuffers {
-    /// Number of elements that fit.
-    pub fn capacity(&self) -> usize {
-        self.capacity
+    /// The side that holds the result of a sort.
+    pub fn side(&self) -> usize {
+        self.passes as usize % 2
+    }
+
+    /// Bytes on the device.
+    pub fn device_bytes(&self) -> u64 {
+        let sides = self.keys.iter().chain(&self.values);
+        sides.map(|side| side.size()).sum::<u64>() + self.table.size()
     }
 }
 
@@ -64,11 +108,20 @@ impl Sort {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [count, place] = shaders();
+        Self::with_shape(gpu, gpu.sort_shape())
+    }
+
+    /// As [`Sort::new`], spread over threads as `shape` says.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn with_shape(gpu: &Gpu, shape: SortShape) -> Result<Self, GpuError> {
+        let [count, place] = shaders(shape);
         Ok(Self {
             count: Kernel::new(gpu, &count)?,
             place: Kernel::new(gpu, &place)?,
             scan: Scan::new(gpu)?,
+            shape,
         })
     }
 
@@ -77,44 +130,55 @@ impl Sort {
         &self.scan
     }
 
-    /// Room for `capacity` elements.
+    /// Room for `capacity` elements with keys of `bits` bits.
     ///
     /// # Errors
     /// As [`Buffer::new`].
-    pub fn buffers(&self, gpu: &Gpu, capacity: usize) -> Result<SortBuffers, GpuError> {
+    pub fn buffers(&self, gpu: &Gpu, capacity: usize, bits: u32) -> Result<SortBuffers, GpuError> {
         let side = |label| Buffer::new(gpu, label, capacity);
-        let table = DIGITS as usize * capacity.div_ceil(SORT_RUN as usize);
+        let runs = self.shape.runs_for(capacity);
+        let (passes, bits) = self.shape.passes(bits);
+        let table = (runs as usize) << bits;
         Ok(SortBuffers {
             keys: [side("sort keys")?, side("sort keys")?],
             values: [side("sort values")?, side("sort values")?],
             table: Buffer::new(gpu, "sort table", table)?,
             scan: self.scan.scratch(gpu, table)?,
-            capacity,
+            runs,
+            bits,
+            passes,
         })
     }
 
-    /// Sorts the first `count[0]` elements by the low `bits` bits of their keys.
-    pub fn sort(
-        &self,
-        recorder: &mut Recorder<'_>,
-        buffers: &SortBuffers,
-        count: &wgpu::Buffer,
-        bits: u32,
-    ) {
-        let runs = buffers.capacity.div_ceil(SORT_RUN as usize);
-        let passes = bits.div_ceil(DIGIT_BITS).next_multiple_of(2);
-        for pass in 0..passes {
+    /// Sorts the first `count[0]` elements, no more than there is room for.
+    pub fn sort(&self, recorder: &mut Recorder<'_>, buffers: &SortBuffers, count: &wgpu::Buffer) {
+        let SortBuffers { keys, values, table, runs, bits, .. } = buffers;
+        let groups = runs.div_ceil(self.shape.group);
+        for pass in 0..buffers.passes {
             let (from, to) = (pass as usize % 2, 1 - pass as usize % 2);
-            let arguments = ArrayArguments { count: runs as u32, detail: pass * DIGIT_BITS };
-            let (keys, values, table) = (&buffers.keys, &buffers.values, &buffers.table);
-            recorder.dispatch_threads(&self.count, &arguments, &[count, &keys[from], table], runs);
-            self.scan.exclusive(recorder, table, DIGITS as usize * runs, &buffers.scan);
-            recorder.dispatch_threads(
-                &self.place,
-                &arguments,
-                &[count, table, &keys[from], &values[from], &keys[to], &values[to]],
-                runs,
-            );
+            let arguments =
+                SortArguments { runs: *runs, shift: pass * bits, bits: *bits, unused: 0 };
+            recorder.dispatch(&self.count, &arguments, &[count, &keys[from], table], groups);
+            self.scan.exclusive(recorder, table, table.len(), &buffers.scan);
+            let sides: [&wgpu::Buffer; 6] =
+                [count, table, &keys[from], &values[from], &keys[to], &values[to]];
+            recorder.dispatch(&self.place, &arguments, &sides, groups);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::SortShape;
+
+    #[test]
+    fn passes_cover_all_bits_with_digits_that_fit() {
+        for shape in [SortShape::FEW_THREADS, SortShape::MANY_THREADS] {
+            for bits in 0..=32 {
+                let (passes, digit) = shape.passes(bits);
+                assert!(passes * digit >= bits && digit <= shape.bits, "{bits}: {passes} {digit}");
+                assert!(passes >= 1 && digit >= 1);
+            }
         }
     }
 }

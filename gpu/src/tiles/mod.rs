@@ -10,10 +10,13 @@ use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{HitCount, PassArguments, Splat};
+use crate::layout::{HitCount, PassArguments};
+use crate::order::Ranks;
+use crate::project::Projected;
 use crate::scan::ScanScratch;
-use crate::shader::{Access, GRID, Shader};
+use crate::shader::{Access, EXTENT, GRID, Shader};
 use crate::sort::{Sort, SortBuffers};
+use crate::tiling::Tiling;
 
 /// The kernels that make lists.
 pub struct Tiles {
@@ -22,88 +25,80 @@ pub struct Tiles {
     ranges: Kernel,
 }
 
-/// Per Gaussian, what the lists are made from; for up to `capacity` Gaussians.
-pub struct Ranks {
-    /// Projected Gaussians.
-    pub splats: Buffer<Splat>,
-    /// Depth keys and, as payload, Gaussians: after the sort side 0 is `gaussian_from_rank`.
-    pub sort: SortBuffers,
-    /// Hits of each Gaussian.
-    pub hits: Buffer<u32>,
+/// The lists of one head.
+pub struct Hits {
+    sort: SortBuffers,
+    scan: ScanScratch,
     /// First slot of each rank; one more element than Gaussians.
     pub slot_from_rank: Buffer<u32>,
-    /// The number of Gaussians, for the sort.
-    pub count: Buffer<u32>,
-    scan: ScanScratch,
-}
-
-/// The lists; for up to `capacity` hits.
-pub struct Hits {
-    /// Tile keys and, as payload, slots: after the sort side 0 is `slot_from_sorted`.
-    pub sort: SortBuffers,
     /// Gaussian of each slot.
     pub gaussian_from_slot: Buffer<u32>,
-    /// Gaussian of each hit in its tile's list.
-    pub gaussian_from_sorted: Buffer<u32>,
+    /// First and end of each tile's list.
+    pub ranges: Buffer<[u32; 2]>,
     /// How many there are.
     pub count: Buffer<HitCount>,
 }
 
 /// This kernel's shaders.
-pub fn shaders() -> [Shader; 3] {
+pub fn shaders(tiling: Tiling) -> [Shader; 3] {
     use Access::{Read, Write};
     let shader = |label, parts, bindings| Shader {
         label,
         entry: "main",
         parts,
-        constants: Vec::new(),
+        constants: tiling.constants(1, 1),
         bindings,
     };
-    let extent = include_str!("../shared/extent.wgsl");
     [
-        shader("tiles_rank", vec![GRID, include_str!("rank.wgsl")], vec![Read, Read, Write]),
+        shader("tiles_rank", vec![GRID, include_str!("rank.wgsl")], vec![Read, Read, Read, Write]),
         shader(
             "tiles_emit",
-            vec![GRID, extent, include_str!("emit.wgsl")],
-            vec![Read, Read, Read, Write, Write, Write, Write, Write],
+            vec![GRID, EXTENT, include_str!("emit.wgsl")],
+            vec![Read, Read, Read, Read, Write, Write, Write, Write],
         ),
-        shader(
-            "tiles_ranges",
-            vec![GRID, include_str!("ranges.wgsl")],
-            vec![Read, Read, Read, Read, Write, Write],
-        ),
+        shader("tiles_ranges", vec![GRID, include_str!("ranges.wgsl")], vec![Read, Read, Write]),
     ]
 }
 
-impl Ranks {
-    /// Room for `capacity` Gaussians.
-    ///
-    /// # Errors
-    /// As [`Buffer::new`].
-    pub fn new(gpu: &Gpu, sort: &Sort, capacity: usize) -> Result<Self, GpuError> {
-        Ok(Self {
-            splats: Buffer::new(gpu, "splats", capacity)?,
-            sort: sort.buffers(gpu, capacity)?,
-            hits: Buffer::new(gpu, "hits per gaussian", capacity)?,
-            slot_from_rank: Buffer::new(gpu, "slots", capacity + 1)?,
-            count: Buffer::new(gpu, "gaussian count", 1)?,
-            scan: sort.scan().scratch(gpu, capacity + 1)?,
-        })
-    }
-}
-
 impl Hits {
-    /// Room for `capacity` hits.
+    /// Room for `capacity` hits of `gaussians` Gaussians in `tiles` tiles.
     ///
     /// # Errors
     /// As [`Buffer::new`].
-    pub fn new(gpu: &Gpu, sort: &Sort, capacity: usize) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        sort: &Sort,
+        capacity: usize,
+        (gaussians, tiles): (usize, usize),
+    ) -> Result<Self, GpuError> {
+        // One key more than tiles: the tile that does not exist.
+        let key_bits = u32::BITS - (tiles as u32).leading_zeros();
         Ok(Self {
-            sort: sort.buffers(gpu, capacity)?,
+            sort: sort.buffers(gpu, capacity, key_bits)?,
+            scan: sort.scan().scratch(gpu, gaussians + 1)?,
+            slot_from_rank: Buffer::new(gpu, "slots", gaussians + 1)?,
             gaussian_from_slot: Buffer::new(gpu, "gaussian from slot", capacity)?,
-            gaussian_from_sorted: Buffer::new(gpu, "gaussian from sorted", capacity)?,
+            ranges: Buffer::new(gpu, "tile ranges", tiles)?,
             count: Buffer::new(gpu, "hit count", 1)?,
         })
+    }
+
+    /// Number of hits that fit.
+    pub fn capacity(&self) -> usize {
+        self.gaussian_from_slot.len()
+    }
+
+    /// Slots by tile, then by depth.
+    pub fn slot_from_sorted(&self) -> &Buffer<u32> {
+        &self.sort.values[self.sort.side()]
+    }
+
+    /// Bytes on the device.
+    pub fn device_bytes(&self) -> u64 {
+        self.sort.device_bytes()
+            + self.slot_from_rank.size()
+            + self.gaussian_from_slot.size()
+            + self.ranges.size()
     }
 }
 
@@ -113,7 +108,7 @@ impl Tiles {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [rank, emit, ranges] = shaders();
+        let [rank, emit, ranges] = shaders(gpu.tiling());
         Ok(Self {
             rank: Kernel::new(gpu, &rank)?,
             emit: Kernel::new(gpu, &emit)?,
@@ -121,55 +116,36 @@ impl Tiles {
         })
     }
 
-    /// Makes the lists of a view from projected Gaussians. `ranges` gets, for every tile, the first
-    /// and the end of its list.
+    /// Makes the lists of a view from projected Gaussians and their ranks.
     pub fn list(
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
-        (ranks, hits, ranges): (&Ranks, &Hits, &Buffer<[u32; 2]>),
-        sort: &Sort,
+        (projected, ranks): (&Projected, &Ranks),
+        (hits, sort): (&Hits, &Sort),
     ) {
-        let count = arguments.count as usize;
-        let tiles = arguments.tiles[0] * arguments.tiles[1];
-        sort.sort(recorder, &ranks.sort, &ranks.count, u32::BITS);
-        let gaussian_from_rank = &ranks.sort.values[0];
-        recorder.dispatch_threads(
-            &self.rank,
-            arguments,
-            &[gaussian_from_rank, &ranks.hits, &ranks.slot_from_rank],
-            count + 1,
-        );
-        sort.scan().exclusive(recorder, &ranks.slot_from_rank, count + 1, &ranks.scan);
-        recorder.dispatch_threads(
-            &self.emit,
-            arguments,
-            &[
-                &ranks.splats,
-                gaussian_from_rank,
-                &ranks.slot_from_rank,
-                &ranks.hits,
-                &hits.sort.keys[0],
-                &hits.sort.values[0],
-                &hits.gaussian_from_slot,
-                &hits.count,
-            ],
-            count + 1,
-        );
-        sort.sort(recorder, &hits.sort, &hits.count, u32::BITS - tiles.leading_zeros());
-        recorder.clear(ranges);
-        recorder.dispatch_threads(
-            &self.ranges,
-            arguments,
-            &[
-                &hits.count,
-                &hits.sort.keys[0],
-                &hits.sort.values[0],
-                &hits.gaussian_from_slot,
-                &hits.gaussian_from_sorted,
-                ranges,
-            ],
-            hits.sort.capacity(),
-        );
+        let count = arguments.count as usize + 1;
+        let gaussian_from_rank = ranks.gaussian_from_rank();
+        let counted: [&wgpu::Buffer; 4] =
+            [&ranks.visible, gaussian_from_rank, &projected.coverage, &hits.slot_from_rank];
+        recorder.dispatch_threads(&self.rank, arguments, &counted, count);
+        sort.scan().exclusive(recorder, &hits.slot_from_rank, count, &hits.scan);
+        let emitted: [&wgpu::Buffer; 8] = [
+            &projected.splats,
+            &projected.coverage,
+            gaussian_from_rank,
+            &hits.slot_from_rank,
+            &hits.sort.keys[0],
+            &hits.sort.values[0],
+            &hits.gaussian_from_slot,
+            &hits.count,
+        ];
+        ranks.run(recorder, &self.emit, arguments, &emitted);
+        sort.sort(recorder, &hits.sort, &hits.count);
+        recorder.clear(&hits.ranges);
+        let keys = &hits.sort.keys[hits.sort.side()];
+        let buffers: [&wgpu::Buffer; 3] = [&hits.count, keys, &hits.ranges];
+        let groups = std::mem::offset_of!(HitCount, groups);
+        recorder.dispatch_indirect(&self.ranges, arguments, &buffers, (&hits.count, groups));
     }
 }

@@ -1,18 +1,18 @@
-// Hits of each Gaussian in depth order, ready to be scanned; the last element becomes the total.
+// Hits of each rank, ready to be scanned; ranks that nobody sees have none, and the last element
+// becomes the total.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
-@group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
-@group(0) @binding(2) var<storage, read> hits: array<u32>;
-@group(0) @binding(3) var<storage, read_write> slot_from_rank: array<u32>;
+@group(0) @binding(1) var<storage, read> visible: array<Visible>;
+@group(0) @binding(2) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(3) var<storage, read> coverage: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> slot_from_rank: array<u32>;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
     let rank = linear_thread(group, groups, lane);
     if rank > pass_.count { return; }
-    if rank == pass_.count {
-        slot_from_rank[rank] = 0u;
-    } else {
-        slot_from_rank[rank] = hits[gaussian_from_rank[rank]];
-    }
+    var hits = 0u;
+    if rank < visible[0].count { hits = coverage[gaussian_from_rank[rank]].x; }
+    slot_from_rank[rank] = hits;
 }

@@ -13,6 +13,7 @@ mod primitives;
 mod shaders;
 mod speed;
 mod support;
+mod surgery;
 mod tiers;
 mod training;
 mod wild;

@@ -127,9 +127,8 @@ fn behind_an_opaque_wall_nothing_shows_and_nothing_learns() {
     let wanted_gradients = gradients(&mut renderer, &map(&gpu, &walled), &camera);
     let all = map(&gpu, &joined(&walled, &behind));
     assert!(pictures(&mut renderer, &all, &camera) == wanted, "bit for bit");
-    renderer.render_colour(&all, &camera).expect("renders");
-    let weights = renderer.blend_weights().expect("reads");
-    assert!(weights[53..].iter().all(|weight| *weight == 0.0), "hidden ones have no weight");
+    let given = renderer.contributions(&all, &camera).expect("renders");
+    assert!(given[53..].iter().all(|given| given.weight == 0.0), "hidden ones give nothing");
     for (found, wanted) in gradients(&mut renderer, &all, &camera).iter().zip(&wanted_gradients) {
         let (shown, hidden): (Vec<_>, Vec<_>) = ((0..53).collect(), (53..133).collect());
         assert!(chosen_head(&found.head, &shown) == wanted.head, "bit for bit");

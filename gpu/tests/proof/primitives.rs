@@ -6,9 +6,9 @@ use lexsplat_gpu::Gpu;
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::gather::Gather;
 use lexsplat_gpu::kernel::Recorder;
-use lexsplat_gpu::reduce::Reduce;
+use lexsplat_gpu::reduce::{Reduce, Summands};
 use lexsplat_gpu::scan::{self, Scan};
-use lexsplat_gpu::sort::{self, Sort};
+use lexsplat_gpu::sort::{self, Sort, SortShape};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -54,18 +54,28 @@ fn a_scan_that_is_too_large_stays_too_large() {
     assert_eq!(found[299], u32::MAX);
 }
 
+/// Every way in which a sort is spread over threads.
+const SHAPES: [SortShape; 3] =
+    [SortShape::FEW_THREADS, SortShape::MANY_THREADS, SortShape { runs: 100, group: 16, bits: 7 }];
+
 /// Sorts on the device, with room for a few more than there are.
-fn sorted(gpu: &Gpu, keys: &[u32], values: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
-    let sort = Sort::new(gpu).expect("compiles");
-    let buffers = sort.buffers(gpu, keys.len() + 100).expect("fits");
+fn sorted(
+    gpu: &Gpu,
+    shape: SortShape,
+    (keys, values): (&[u32], &[u32]),
+    bits: u32,
+) -> (Vec<u32>, Vec<u32>) {
+    let sort = Sort::with_shape(gpu, shape).expect("compiles");
+    let buffers = sort.buffers(gpu, keys.len() + 100, bits).expect("fits");
     buffers.keys[0].write(gpu, 0, keys);
     buffers.values[0].write(gpu, 0, values);
     let count = Buffer::from_slice(gpu, "count", &[keys.len() as u32]).expect("fits");
     let mut recorder = Recorder::new(gpu).expect("fits");
-    sort.sort(&mut recorder, &buffers, &count, bits);
+    sort.sort(&mut recorder, &buffers, &count);
     recorder.submit();
     let read = |buffer: &Buffer<u32>| buffer.read(gpu, keys.len()).expect("reads");
-    (read(&buffers.keys[0]), read(&buffers.values[0]))
+    let side = buffers.side();
+    (read(&buffers.keys[side]), read(&buffers.values[side]))
 }
 
 #[test]
@@ -75,9 +85,11 @@ fn sort_is_stable_for_any_length_and_width() {
         let values: Vec<u32> = (0..len as u32).collect();
         for (bits, below) in [(32, u32::MAX), (9, 300), (1, 2), (4, 1)] {
             let keys = numbers(len, below);
-            let found = sorted(&gpu, &keys, &values, bits);
             let wanted = sort::oracle::sort(&keys, &values, bits);
-            assert_eq!(found, wanted, "length {len}, {bits} bits");
+            for shape in SHAPES {
+                let found = sorted(&gpu, shape, (&keys, &values), bits);
+                assert_eq!(found, wanted, "length {len}, {bits} bits, {shape:?}");
+            }
         }
     }
 }
@@ -87,7 +99,7 @@ fn an_unstable_order_is_noticed() {
     let gpu = support::gpu();
     let keys = vec![5; 200];
     let values: Vec<u32> = (0..200).collect();
-    let (_, mut found) = sorted(&gpu, &keys, &values, 8);
+    let (_, mut found) = sorted(&gpu, gpu.sort_shape(), (&keys, &values), 8);
     assert_eq!(found, values);
     found.swap(3, 4);
     assert_ne!(found, sort::oracle::sort(&keys, &values, 8).1);
@@ -99,19 +111,25 @@ fn reduce_sums_rows_component_by_component() {
     let reduce = Reduce::new(&gpu).expect("compiles");
     for len in LENGTHS {
         let rows: Vec<[f32; 4]> =
-            numbers(len, 100).iter().map(|n| [*n as f32, 1.0, -(*n as f32), 0.5]).collect();
+            numbers(3 * len, 100).iter().map(|n| [*n as f32, 1.0, -(*n as f32), 0.5]).collect();
         let buffer = Buffer::from_slice(&gpu, "rows", &rows).expect("fits");
         let results = Buffer::from_slice(&gpu, "results", &[[7.0f32; 4]; 3]).expect("fits");
+        let half = Buffer::from_slice(&gpu, "limit", &[len as u32 / 2]).expect("fits");
         let scratch = reduce.scratch(&gpu, len).expect("fits");
-        let mut recorder = Recorder::new(&gpu).expect("fits");
-        reduce.sum(&mut recorder, (&buffer, len), (&results, 1), &scratch);
-        recorder.submit();
-        // Small integers and halves: the sum is exact in f32.
-        let mut sum = [0.0; 4];
-        rows.iter().for_each(|row| (0..4).for_each(|i| sum[i] += row[i]));
-        let sum = if len == 0 { [7.0; 4] } else { sum };
-        let found = results.read(&gpu, 3).expect("reads");
-        assert_eq!(found, [[7.0; 4], sum, [7.0; 4]], "length {len}");
+        for (row, limit, used) in [(0, None, len), (2, None, len), (1, Some(&half), len / 2)] {
+            let mut recorder = Recorder::new(&gpu).expect("fits");
+            let limit = limit.map(|limit: &Buffer<u32>| &**limit);
+            let summands = Summands { rows: &buffer, len, row: (3, row), limit };
+            reduce.sum(&mut recorder, summands, (&results, 1), &scratch);
+            recorder.submit();
+            // Small integers and halves: the sum is exact in f32.
+            let mut sum = [0.0; 4];
+            let summed = rows.iter().skip(row as usize).step_by(3).take(used);
+            summed.for_each(|row| (0..4).for_each(|i| sum[i] += row[i]));
+            let sum = if len == 0 { [7.0; 4] } else { sum };
+            let found = results.read(&gpu, 3).expect("reads");
+            assert_eq!(found, [[7.0; 4], sum, [7.0; 4]], "length {len}, row {row}");
+        }
     }
 }
 

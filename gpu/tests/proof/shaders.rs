@@ -2,7 +2,9 @@
 //! what naga makes of the WGSL header. Needs no device.
 
 use lexsplat_gpu::layout::{self, STRUCTS};
-use lexsplat_gpu::shader::{Access, catalogue};
+use lexsplat_gpu::shader::{Access, Shader, catalogue};
+use lexsplat_gpu::sort::SortShape;
+use lexsplat_gpu::tiling::Tiling;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 fn parse(text: &str) -> naga::Module {
@@ -10,19 +12,39 @@ fn parse(text: &str) -> naga::Module {
         .unwrap_or_else(|error| panic!("{}", error.emit_to_string(text)))
 }
 
-fn validate(module: &naga::Module, text: &str) -> naga::valid::ModuleInfo {
-    Validator::new(ValidationFlags::all(), Capabilities::empty())
+/// Every way in which tiles are spread over threads, and what it needs beyond the baseline.
+fn tilings() -> impl Iterator<Item = (Tiling, Capabilities)> {
+    let subgroups = [4, 8, 16, 32, 64].into_iter().filter_map(Tiling::subgroup);
+    subgroups
+        .map(|tiling| (tiling, Capabilities::SUBGROUP))
+        .chain([(Tiling::PORTABLE, Capabilities::empty())])
+}
+
+fn validate(
+    module: &naga::Module,
+    text: &str,
+    capabilities: Capabilities,
+) -> naga::valid::ModuleInfo {
+    Validator::new(ValidationFlags::all(), capabilities)
         .validate(module)
         .unwrap_or_else(|error| panic!("{}", error.emit_to_string(text)))
 }
 
 #[test]
-fn every_shader_is_valid_on_the_portable_baseline() {
-    for channels in [1, 3, 15, 16, 64] {
-        for shader in catalogue(channels) {
+fn every_shader_is_valid_on_its_baseline() {
+    for (tiling, capabilities) in tilings() {
+        for channels in [1, 3, 15, 16, 20, 64] {
+            check(&catalogue(channels, tiling, SortShape::FEW_THREADS), capabilities);
+        }
+    }
+}
+
+fn check(shaders: &[Shader], capabilities: Capabilities) {
+    {
+        for shader in shaders {
             let text = shader.compose();
             let module = parse(&text);
-            let info = validate(&module, &text);
+            let info = validate(&module, &text, capabilities);
             let entry = module.entry_points.iter().position(|point| point.name == shader.entry);
             let entry = entry.unwrap_or_else(|| panic!("{} has no {}", shader.label, shader.entry));
             assert!(shader.bindings.len() <= 8, "{}: too many storage buffers", shader.label);
@@ -51,7 +73,7 @@ fn every_shader_is_valid_on_the_portable_baseline() {
 
 #[test]
 fn a_backward_batch_fits_the_guaranteed_workgroup_memory() {
-    for shader in catalogue(16) {
+    for shader in catalogue(16, Tiling::PORTABLE, SortShape::MANY_THREADS) {
         let module = parse(&shader.compose());
         let bytes: u32 = module
             .global_variables
@@ -74,7 +96,7 @@ fn structs_have_the_same_layout_in_rust_and_wgsl() {
 
 #[test]
 fn a_moved_field_is_noticed() {
-    let header = layout::wgsl_header().replace("mean: vec2<f32>,", "mean: vec4<f32>,");
+    let header = layout::wgsl_header().replace("extent: vec2<f32>,", "extent: vec4<f32>,");
     let module = parse(&header);
     let splat = STRUCTS.iter().find(|s| s.name == "Splat").expect("there is a Splat");
     assert!(compare(&module, splat).is_err());

@@ -48,10 +48,13 @@ fn time_of_forward_and_step() {
             });
             let (weights, rates) = (LossWeights::default(), LearningRates::default());
             let mut step = |colour, language| {
-                let view = TrainingView { camera: &camera, colour, language };
+                let view = TrainingView { camera: &camera, colour, language, exposure: [0.0; 2] };
                 best(&mut || {
-                    renderer.step(&mut gaussians, &view, &weights, &rates).expect("steps");
-                })
+                    for _ in 0..4 {
+                        renderer.step(&mut gaussians, &view, &weights, &rates).expect("steps");
+                    }
+                    renderer.settle(&mut gaussians).expect("settles");
+                }) / 4
             };
             let colour_step = step(Some(&target), None);
             let full_step = step(Some(&target), Some((&labels, &language)));

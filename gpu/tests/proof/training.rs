@@ -2,11 +2,13 @@
 
 use crate::support;
 
-use lexsplat_gpu::adam::{self, Adam, Seen};
+use lexsplat_gpu::adam::{self, Adam, Gradients, Seen};
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::kernel::Recorder;
 use lexsplat_gpu::layout::HitCount;
 use lexsplat_gpu::loss::{self, Loss};
+use lexsplat_gpu::order::Ranks;
+use lexsplat_gpu::sort::Sort;
 use lexsplat_gpu::{
     Camera, ColourTarget, Gaussians, Gpu, HostGaussians, LanguageTarget, LearningRates,
     LossWeights, Losses, Parameters, Renderer, TrainingView,
@@ -50,6 +52,7 @@ impl Targets {
             camera: &self.camera,
             colour: colour.then_some(&self.colour),
             language: language.then_some((&self.labels, &self.language)),
+            exposure: [0.0; 2],
         }
     }
 }
@@ -81,7 +84,7 @@ fn train(
     let rates = LearningRates::default();
     let mut step = |_| {
         renderer.step(map, view, &DATA, &rates).expect("steps");
-        renderer.last_loss().expect("reads")
+        renderer.last_report(map).expect("reads").losses
     };
     (0..steps).map(&mut step).collect()
 }
@@ -155,6 +158,7 @@ fn unseen_gaussians_stay_as_they_are() {
         let view = targets.view(true, true);
         renderer.step(&mut map, &view, &all, &LearningRates::default()).expect("steps");
     }
+    renderer.settle(&mut map).expect("settles");
     let after = map.to_host().expect("reads");
     assert_eq!(after.means[..10], scene.means[..10]);
     assert_eq!(after.colour.log_scales[..10], scene.colour.log_scales[..10]);
@@ -181,6 +185,7 @@ fn poison_does_not_spread() {
         let view = targets.view(true, true);
         renderer.step(&mut map, &view, &all, &LearningRates::default()).expect("steps");
     }
+    renderer.settle(&mut map).expect("settles");
     let after = map.to_host().expect("reads");
     assert!(after.means[1..].iter().flatten().all(|v| v.is_finite()));
     for head in [&after.colour, &after.language] {
@@ -227,7 +232,8 @@ fn colour_loss_matches_the_oracle() {
     );
     let weights = LossWeights { colour: 0.9, depth: 0.3, ..DATA };
     let mut recorder = Recorder::new(&gpu).expect("fits");
-    loss.colour(&mut recorder, &target, &weights, (&buffers.0, &buffers.1, &buffers.2));
+    let exposure = [0.1f32, -0.02];
+    loss.colour(&mut recorder, (&target, exposure), &weights, (&buffers.0, &buffers.1, &buffers.2));
     recorder.submit();
     let (found, terms) = (buffers.1.read(&gpu, pixels), buffers.2.read(&gpu, pixels));
     let (found, terms) = (found.expect("reads"), terms.expect("reads"));
@@ -239,7 +245,9 @@ fn colour_loss_matches_the_oracle() {
         .map(|i| (i / 3 % 5 != 0).then(|| f64::from(f32::from(rgb[i]) / 255.0)))
         .collect();
     let depths: Vec<_> = depth.iter().map(|d| (*d > 0.0).then_some(f64::from(*d))).collect();
-    let (colour, d_colour) = loss::oracle::mean_absolute(0.9f32.into(), &values(0..3), &colours);
+    let shown = |exposure| loss::oracle::exposed(0.9f32.into(), exposure, &values(0..3), &colours);
+    let exposure = exposure.map(f64::from);
+    let (colour, d_colour, d_exposure) = shown(exposure);
     let (depth, d_depth) = loss::oracle::mean_absolute(0.3f32.into(), &values(3..4), &depths);
     let sum = |i: usize| terms.iter().map(|term| f64::from(term[i])).sum::<f64>();
     assert!((sum(0) - colour).abs() < 1e-6 && (sum(1) - depth).abs() < 1e-6);
@@ -250,8 +258,17 @@ fn colour_loss_matches_the_oracle() {
             assert!((f64::from(*found) - wanted).abs() < 1e-8, "pixel {pixel}: {found} {wanted}");
         }
     }
-    let (control, _) = loss::oracle::mean_absolute(0.901, &values(0..3), &colours);
-    assert!((sum(0) - control).abs() > 1e-6, "another factor must show");
+    for (i, d_wanted) in d_exposure.into_iter().enumerate() {
+        // Measured on llvmpipe: 3e-8.
+        assert!((sum(2 + i) - d_wanted).abs() < 1e-6, "exposure: {} {d_wanted}", sum(2 + i));
+        let moved = |step: f64| {
+            shown(std::array::from_fn(|j| exposure[j] + if i == j { step } else { 0.0 })).0
+        };
+        let difference = (moved(1e-7) - moved(-1e-7)) / 2e-7;
+        assert!((difference - d_wanted).abs() < 1e-5, "exposure: {difference} {d_wanted}");
+        assert!(d_wanted.abs() > 1e-3, "the gradient is not small");
+    }
+    assert!((sum(0) - shown([0.101, -0.02]).0).abs() > 1e-6, "another exposure must show");
 }
 
 #[test]
@@ -259,6 +276,7 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
     let gpu = support::gpu();
     let scene = support::scene(7, 50, 15, 0.1);
     let loss = Loss::new(&gpu).expect("compiles");
+    let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), 50).expect("fits");
     let rows = |scales: &[[f32; 3]]| -> Vec<[f32; 4]> {
         scales.iter().flat_map(|s| [[0.0; 4], [s[0], s[1], s[2], 0.0]]).collect()
     };
@@ -267,8 +285,8 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
     let ones = vec![[1.0f32; 4]; 100];
     let (d_c, d_f, terms_c, terms_f) = (buffer(&ones), buffer(&ones), buffer(&ones), buffer(&ones));
     let mut recorder = Recorder::new(&gpu).expect("fits");
-    loss.isotropic(&mut recorder, (10.0, 50), &c, (&d_c, &terms_c));
-    loss.tie(&mut recorder, (10.0, 50), (&c, &f), (&d_f, &terms_f));
+    loss.isotropic(&mut recorder, (10.0, 50), (&ranks, &c), (&d_c, &terms_c));
+    loss.tie(&mut recorder, (10.0, 50), (&ranks, &c, &f), (&d_f, &terms_f));
     recorder.submit();
 
     let wide = |scales: &[[f32; 3]]| scales.iter().map(|s| s.map(f64::from)).collect::<Vec<_>>();
@@ -321,9 +339,11 @@ fn adam_matches_the_oracle() {
     let (gradient, sums) = (rows(&zeros), rows(&zeros));
     let steps = Buffer::<u32>::new(&gpu, "steps", count).expect("fits");
     let corrections = Buffer::new(&gpu, "corrections", count).expect("fits");
-    let counts = Buffer::from_slice(&gpu, "counts", &[HitCount { drawn: 1, wanted: 1 }]);
-    let counts = counts.expect("fits");
-    let seen = Seen { sums: &sums, steps: &steps, corrections: &corrections, counts: [&counts; 2] };
+    let hits = HitCount { drawn: 1, wanted: 1, ..HitCount::default() };
+    let counts = Buffer::from_slice(&gpu, "counts", &[hits]).expect("fits");
+    let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), count).expect("fits");
+    let seen = Seen { ranks: &ranks, sums: (&sums, 2), counts: [&counts; 2], count };
+    let moves = Gradients { ranks: &ranks, rows: (&gradient, 2), corrections: &corrections, count };
     let rates = [[0.1, 0.2, 0.3, 0.4], [0.01; 4]];
     let is_seen = |step: usize, gaussian: usize| !(step + gaussian).is_multiple_of(3);
     let mut wanted: Vec<_> = values
@@ -343,8 +363,8 @@ fn adam_matches_the_oracle() {
         poisoned[7][1] = f32::NAN;
         gradient.write(&gpu, 0, &poisoned);
         let mut recorder = Recorder::new(&gpu).expect("fits");
-        adam.advance(&mut recorder, seen, count);
-        adam.update(&mut recorder, (&parameters, count), rates, &gradient, &corrections);
+        adam.advance(&mut recorder, seen, &steps, &corrections);
+        adam.update(&mut recorder, &parameters, rates, moves);
         recorder.submit();
         for gaussian in (0..count).filter(|gaussian| is_seen(step, *gaussian)) {
             taken[gaussian] += 1;
@@ -380,13 +400,15 @@ fn an_overflowed_list_stops_adam() {
     let steps = Buffer::<u32>::new(&gpu, "steps", 1).expect("fits");
     let corrections = Buffer::<[f32; 2]>::new(&gpu, "corrections", 1).expect("fits");
     let hits = |drawn, wanted| {
-        Buffer::from_slice(&gpu, "counts", &[HitCount { drawn, wanted }]).expect("fits")
+        Buffer::from_slice(&gpu, "counts", &[HitCount { drawn, wanted, ..HitCount::default() }])
+            .expect("fits")
     };
+    let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), 1).expect("fits");
     let (whole, cut, sums) = (hits(5, 5), hits(5, 6), rows([1.0; 4]));
     for (counts, moves) in [([&whole, &cut], 0), ([&cut, &whole], 0), ([&whole, &whole], 1)] {
-        let seen = Seen { sums: &sums, steps: &steps, corrections: &corrections, counts };
+        let seen = Seen { ranks: &ranks, sums: (&sums, 2), counts, count: 1 };
         let mut recorder = Recorder::new(&gpu).expect("fits");
-        adam.advance(&mut recorder, seen, 1);
+        adam.advance(&mut recorder, seen, &steps, &corrections);
         recorder.submit();
         assert_eq!(steps.read(&gpu, 1).expect("reads"), [moves]);
         assert_eq!(corrections.read(&gpu, 1).expect("reads")[0][0] > 0.0, moves == 1);

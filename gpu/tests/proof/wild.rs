@@ -138,7 +138,7 @@ fn is_usable(camera: &Camera) -> bool {
 }
 
 /// Everything that must hold, whatever the bytes: no panic; no error but that for a camera that
-/// cannot be used; no value in a picture that is not finite; opacities and weights in [0, 1]; a
+/// cannot be used; no value in a picture that is not finite; opacities and shares in [0, 1]; a
 /// step leaves every finite parameter finite; and the picture after it is as good.
 pub fn hold(gpu: &Gpu, renderer: &mut Renderer, bytes: &[u8]) -> Outcome {
     let (scene, camera) = scene_from_bytes(bytes);
@@ -165,7 +165,10 @@ pub fn hold(gpu: &Gpu, renderer: &mut Renderer, bytes: &[u8]) -> Outcome {
 /// True if there is anything in the picture.
 fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, when: &str) -> bool {
     let colour = renderer.render_colour(map, camera).expect("it did before");
-    let weights = renderer.blend_weights().expect("reads");
+    let contributions = renderer.contributions(map, camera).expect("renders");
+    let share = |value: f32| value / camera.pixels() as f32;
+    let weights: Vec<f32> = contributions.iter().map(|given| share(given.weight)).collect();
+    let touched: Vec<f32> = contributions.iter().map(|given| share(given.touched_pixels)).collect();
     let language = renderer.render_language(map, camera).expect("renders");
     let finite = |what: &str, values: &[f32]| {
         let found = values.iter().find(|value| !value.is_finite());
@@ -177,7 +180,8 @@ fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, whe
     for (what, values) in [
         ("opacity", &colour.opacity),
         ("language opacity", &language.opacity),
-        ("weight", &weights),
+        ("share of the light", &weights),
+        ("share of the pixels", &touched),
     ] {
         let found = values.iter().find(|value| !(0.0..=1.0).contains(*value));
         assert!(found.is_none(), "{what} {when}: {found:?}");
@@ -192,10 +196,15 @@ fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera
     let codes = vec![0.5; CHANNELS * pixels];
     let language = LanguageTarget::new(gpu, size.0, size.1, CHANNELS, &codes);
     let (colour, language) = (colour.expect("fits"), language.expect("fits"));
-    let view = TrainingView { camera, colour: Some(&colour), language: Some((camera, &language)) };
+    let view = TrainingView {
+        camera,
+        colour: Some(&colour),
+        language: Some((camera, &language)),
+        exposure: [0.1, -0.05],
+    };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
     renderer.step(map, &view, &weights, &rates).expect("the camera can be used");
-    let losses = renderer.last_loss().expect("reads");
+    let losses = renderer.last_report(map).expect("settles").losses;
     let all = [losses.colour, losses.depth, losses.language, losses.isotropic, losses.tie];
     assert!(all.iter().all(|loss| loss.is_finite() && *loss >= 0.0), "{losses:?}");
 }

@@ -27,6 +27,7 @@ impl Mapper {
         };
         let old = self.online.boxed_clone();
         let advanced = self.online.observe(&map.codes);
+        self.renderer.settle(&mut self.gaussians)?;
         let mut host = self.gaussians.to_host()?;
         if advanced {
             carry_over(old.as_ref(), self.online.as_ref(), &mut host.language.features);

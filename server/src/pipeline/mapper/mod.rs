@@ -253,6 +253,7 @@ impl Mapper {
 
     /// Copies the map for readers.
     fn publish(&mut self) -> Result<(), GpuError> {
+        self.renderer.settle(&mut self.gaussians)?;
         self.revision += 1;
         let info = |keyframe: &Keyframe| KeyframeInfo {
             frame: keyframe.frame,

@@ -20,6 +20,7 @@ impl Mapper {
             camera: &keyframe.working.camera,
             colour: Some(&keyframe.target),
             language: language.map(|generic| (&generic.camera, &generic.target)),
+            exposure: [0.0; 2],
         };
         let (weights, rates) = (weights(&self.config), rates(&self.config));
         self.renderer.step(&mut self.gaussians, &view, &weights, &rates)?;

@@ -6,6 +6,7 @@ use lexsplat_gpu::{GpuError, HostGaussians};
 impl Mapper {
     /// Removes Gaussians that are transparent in **both** heads (paper §4.3), too large, or not finite.
     pub(super) fn prune(&mut self) -> Result<(), GpuError> {
+        self.renderer.settle(&mut self.gaussians)?;
         let host = self.gaussians.to_host()?;
         let keep = worth_keeping(&host, self.config.prune_opacity, self.config.prune_scale_metres);
         let removed = keep.iter().filter(|keep| !**keep).count();

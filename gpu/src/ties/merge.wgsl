@@ -1,0 +1,18 @@
+// A tied parameter has one gradient: colour gradient += language gradient where `tied`. A Gaussian
+// that one head saw counts as seen by the other.
+
+@group(0) @binding(0) var<uniform> arguments: TieArguments;
+@group(0) @binding(1) var<storage, read> language_sums: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> language: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> colour_sums: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> colour: array<vec4<f32>>;
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+        @builtin(local_invocation_index) lane: u32) {
+    let rank = linear_thread(group, groups, lane);
+    if rank >= arguments.count { return; }
+    colour[2u * rank] += arguments.even * language[2u * rank];
+    colour[2u * rank + 1u] += arguments.odd * language[2u * rank + 1u];
+    colour_sums[3u * rank].w += language_sums[2u * rank].w;
+}
