@@ -1,7 +1,7 @@
 //! Reference, not for production: the whole pass of one head in f64, from parameters to picture and
 //! from a picture's gradient to the parameters'.
 
-use nalgebra::{Vector3, Vector4};
+use nalgebra::{Vector3, Vector4, Vector6};
 
 use crate::blend::oracle as blend;
 use crate::gaussians::{HostGaussians, HostHead};
@@ -95,6 +95,21 @@ impl Head {
             };
         }
         gradient
+    }
+
+    /// dL/d(rho, theta) from dL/dpicture, a left perturbation of `camera_from_world`.
+    pub fn pose_gradient(&self, view: &View, d_image: &[f64]) -> Vector6<f64> {
+        let (splats, features) = self.project(view);
+        let channels = self.picture_channels();
+        let mut found = blend::backward(&splats, &features, d_image, (channels, view.size));
+        let mut pose = Vector6::zeros();
+        for (i, shape) in self.shapes.iter().enumerate().filter(|(i, _)| splats[*i].is_some()) {
+            if self.depth {
+                found.splats[i].depth = found.features[i * channels + self.channels];
+            }
+            pose += project::pose_backward(view, shape, &found.splats[i]);
+        }
+        pose
     }
 
     /// All parameters in a row, Gaussian by Gaussian: mean 3, rotation 4, log scale 3, opacity

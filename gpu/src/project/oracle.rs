@@ -1,7 +1,7 @@
 //! Reference, not for production: one Gaussian through one camera and back, in f64 and with plain
 //! matrices, so that gradients can be held against finite differences without a device.
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, Vector2, Vector3, Vector4, Vector6};
 
 use crate::camera::Camera;
 use crate::layout::{DILATION, FAR, LOG_SCALE_LIMIT, MIN_ALPHA, NEAR};
@@ -60,6 +60,20 @@ impl View {
             centre: Vector2::new(camera.cx, camera.cy).cast(),
             limit: Vector2::from(camera.jacobian_limit()).cast(),
             size: [camera.width as usize, camera.height as usize],
+        }
+    }
+
+    /// The camera after a left perturbation of `camera_from_world` by exp(tau), tau = (rho, theta).
+    pub fn perturbed(&self, tau: &Vector6<f64>) -> Self {
+        let theta: Vector3<f64> = tau.fixed_rows::<3>(3).into();
+        let turn = *Rotation3::new(theta).matrix();
+        // V of SE(3) up to the second order.
+        let hat = theta.cross_matrix();
+        let v = Matrix3::identity() + 0.5 * hat + hat * hat / 6.0;
+        Self {
+            rotation: turn * self.rotation,
+            translation: turn * self.translation + v * tau.fixed_rows::<3>(0),
+            ..self.clone()
         }
     }
 
@@ -159,6 +173,29 @@ pub fn backward(view: &View, shape: &Shape, gradient: &Splat) -> Shape {
         log_scale,
         opacity_logit: gradient.opacity * opacity * (1.0 - opacity),
     }
+}
+
+/// Takes a gradient with respect to the splat to (rho, theta), a left perturbation of
+/// `camera_from_world`: through the camera point, and through the rotation W in the covariance, whose
+/// columns w turn by theta x w.
+pub fn pose_backward(view: &View, shape: &Shape, gradient: &Splat) -> Vector6<f64> {
+    let p = view.rotation * shape.mean + view.translation;
+    let unit = shape.rotation / shape.rotation.norm();
+    let local = rotation(&unit) * Matrix3::from_diagonal(&scales(&shape.log_scale));
+    let jacobian = view.jacobian(&p);
+    let root = jacobian * view.rotation * local;
+    let sigma = root * root.transpose() + Matrix2::identity() * f64::from(DILATION);
+    let conic = sigma.try_inverse().expect("the dilated covariance is positive definite");
+    let d_root = -2.0 * conic * gradient.conic * conic * root;
+    let d_jacobian = d_root * (view.rotation * local).transpose();
+    let d_rotation = jacobian.transpose() * d_root * local.transpose();
+    let d_point = point_gradient(view, &p, gradient, &d_jacobian);
+    let mut d_theta = p.cross(&d_point);
+    for axis in 0..3 {
+        let column: Vector3<f64> = view.rotation.column(axis).into();
+        d_theta += column.cross(&d_rotation.column(axis));
+    }
+    Vector6::new(d_point.x, d_point.y, d_point.z, d_theta.x, d_theta.y, d_theta.z)
 }
 
 /// dL/dp of the camera point: through the mean in the image, through depth, through the Jacobian.

@@ -88,6 +88,17 @@ fn gradients_match_the_oracle() {
             println!("seed {seed} colour {is_colour}: {found_errors:?}");
             assert!(found_errors.iter().all(|e| *e < TOLERANCE), "seed {seed}: {found_errors:?}");
             assert_eq!(found.means.is_empty(), !is_colour, "language does not move means");
+            let pose = found.pose.iter().copied();
+            if is_colour {
+                let wanted = head.pose_gradient(&view, &widen(&g));
+                let error = relative(pose, wanted.iter().copied());
+                println!("seed {seed} pose: {error:.1e}");
+                assert!(error < TOLERANCE, "seed {seed} pose: {error:.1e}");
+                let control = relative(found.pose, wanted.iter().map(|g| 1.001 * g));
+                assert!(control > TOLERANCE, "seed {seed} pose: {control:.1e}");
+            } else {
+                assert_eq!(found.pose, [0.0; 6], "language does not move the camera");
+            }
 
             let mut other = g.clone();
             other.iter_mut().for_each(|g| *g *= 1.001);

@@ -227,7 +227,7 @@ fn thousands_on_one_pixel_match_the_oracle() {
     }
 }
 
-/// Measured on llvmpipe: sums of weights 1.6e-5, of up to 1,000 pixels.
+/// Measured on llvmpipe: 5.1e-5, of sums over up to 1,000 pixels.
 #[test]
 fn contributions_say_what_was_seen() {
     let gpu = support::gpu();

@@ -254,8 +254,7 @@ fn the_oracle_is_another_implementations() {
                     features: narrow(&found.features),
                     channels,
                 },
-                // The oracle has none; the kernels' is held against the file above.
-                pose: golden.gradient(name, channels).pose,
+                pose: head.pose_gradient(&view, &factors).map(|v| v as f32).data.0[0],
             };
             let errors = gradient_errors(&found, &golden.gradient(name, channels));
             println!("{scene} oracle {name}: {picture:?} {errors:?}");

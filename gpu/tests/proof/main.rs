@@ -7,6 +7,7 @@ mod forward;
 mod fuzz;
 mod golden;
 mod metamorphic;
+mod optimiser;
 mod oracle;
 mod poison;
 mod primitives;
