@@ -23,6 +23,17 @@ pub enum GpuError {
         /// The driver's words.
         reason: String,
     },
+    /// The adapter computes wrongly, or not at all.
+    #[error(
+        "adapter {adapter} fails the self-test: {reason}; update its driver or choose another \
+         adapter"
+    )]
+    SelfTest {
+        /// Name of the adapter.
+        adapter: String,
+        /// Which tier failed at what.
+        reason: String,
+    },
     /// The adapter cannot run a kernel of this size.
     #[error("adapter is too small: {limit} is {found}, needed {needed}")]
     Limit {

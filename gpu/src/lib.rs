@@ -37,7 +37,7 @@ pub use adam::{HeadRates, LearningRates};
 pub use align::{AlignSettings, Aligned, Aligner, Estimate, NormalSystem, Schedule};
 pub use camera::Camera;
 pub use densify::{DensifyCounts, DensifyRules};
-pub use device::Gpu;
+pub use device::{AdapterReport, Gpu, SOFTWARE_SUBGROUP, Tier};
 pub use error::GpuError;
 pub use gaussians::{
     Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters, Statistics,

@@ -145,3 +145,8 @@ pub fn catalogue(channels: usize, tiling: Tiling, sort: SortShape) -> Vec<Shader
     }
     shaders
 }
+
+/// The shaders with which a device is tested when it is opened on a tier.
+pub fn self_tests(tier: crate::device::Tier) -> Vec<Shader> {
+    crate::device::selftest_shaders(tier)
+}

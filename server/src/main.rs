@@ -2,6 +2,7 @@
 
 use anyhow::Context as _;
 use clap::Parser;
+use lexsplat_gpu::{AdapterReport, Gpu, Tier};
 use lexsplat_server::pipeline::engine::Engine;
 use lexsplat_server::{Config, Listeners, Ready, serve, telemetry};
 use std::io::Write as _;
@@ -38,6 +39,9 @@ struct Arguments {
     /// Print the settings that are in force, as TOML, and stop
     #[arg(long)]
     print_config: bool,
+    /// Print the adapters of this machine and what the server makes of each, and stop
+    #[arg(long)]
+    adapters: bool,
 }
 
 fn main() -> ExitCode {
@@ -54,6 +58,9 @@ fn main() -> ExitCode {
 }
 
 fn start(arguments: Arguments) -> anyhow::Result<()> {
+    if arguments.adapters {
+        return print_adapters();
+    }
     let print = arguments.print_config;
     let config = settings(arguments)?;
     if print {
@@ -66,6 +73,53 @@ fn start(arguments: Arguments) -> anyhow::Result<()> {
         .build()
         .context("cannot start the runtime")?;
     runtime.block_on(run(config))
+}
+
+/// A table of the adapters, best first.
+fn print_adapters() -> anyhow::Result<()> {
+    let survey = Gpu::survey();
+    anyhow::ensure!(
+        !survey.is_empty(),
+        "there is no vulkan adapter; install a driver, or one that runs on the processor: \
+         apt-get install mesa-vulkan-drivers"
+    );
+    let heads =
+        ["ADAPTER", "KIND", "BACKEND", "DRIVER", "BINDING", "WORKGROUP", "SUBGROUP", "TIER"];
+    let mut rows = vec![heads.map(str::to_owned)];
+    rows.extend(survey.iter().map(adapter_row));
+    let width = |column: usize| {
+        rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default()
+    };
+    let mut out = std::io::stdout().lock();
+    for row in &rows {
+        let cells: Vec<String> =
+            (0..).zip(row).map(|(column, cell)| format!("{cell:<w$}", w = width(column))).collect();
+        writeln!(out, "{}", cells.join("  ").trim_end())?;
+    }
+    for AdapterReport { name, why_not_better, .. } in &survey {
+        if let Some(why) = why_not_better {
+            writeln!(out, "{name}: {why}")?;
+        }
+    }
+    Ok(())
+}
+
+fn adapter_row(report: &AdapterReport) -> [String; 8] {
+    let subgroup = match report.subgroup {
+        Some((min, max)) if min == max => min.to_string(),
+        Some((min, max)) => format!("{min}-{max}"),
+        None => "none".to_owned(),
+    };
+    [
+        report.name.clone(),
+        report.kind.to_owned(),
+        report.backend.clone(),
+        report.driver.clone(),
+        format!("{} MiB", report.largest_binding >> 20),
+        format!("{} KiB", report.workgroup_memory >> 10),
+        subgroup,
+        report.tier.map_or("unusable", Tier::name).to_owned(),
+    ]
 }
 
 /// The file and the environment, then the command line.

@@ -85,3 +85,44 @@ fn says_what_to_install_without_a_vulkan_adapter() {
     let other = server().args(["--adapter", "no such adapter"]).output().expect("it runs");
     assert!(complaint(&other).contains("no such adapter"));
 }
+
+#[test]
+fn prints_the_adapters_as_a_table() {
+    let output = server().arg("--adapters").env_remove("LEXSPLAT_TIER").output().expect("it runs");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let table = String::from_utf8(output.stdout).expect("UTF-8");
+    let mut lines = table.lines();
+    let head = lines.next().expect("a heading");
+    let best = lines.next().expect("at least one adapter");
+    for (title, values) in [
+        ("KIND", &["discrete", "integrated", "virtual", "other", "software"][..]),
+        ("BACKEND", &["vulkan"]),
+        ("TIER", &["software", "portable", "subgroup"]),
+    ] {
+        let column = head.find(title).unwrap_or_else(|| panic!("no {title} in: {head}"));
+        let cell: String = best.chars().skip(column).take_while(|c| !c.is_whitespace()).collect();
+        assert!(values.contains(&cell.as_str()), "{title} is {cell:?} in:\n{table}");
+    }
+}
+
+#[test]
+fn says_which_command_installs_an_adapter() {
+    let nowhere = "/nonexistent/driver.json";
+    let output = server()
+        .arg("--adapters")
+        .env("VK_DRIVER_FILES", nowhere)
+        .env("VK_ICD_FILENAMES", nowhere)
+        .output()
+        .expect("it runs");
+    assert_eq!(output.status.code(), Some(1));
+    let said = complaint(&output);
+    assert!(said.contains("apt-get install mesa-vulkan-drivers"), "{said}");
+}
+
+#[test]
+fn refuses_a_tier_that_the_adapter_cannot_have() {
+    let output = server().env("LEXSPLAT_TIER", "quantum").output().expect("it runs");
+    let said = complaint(&output);
+    assert!(said.contains("LEXSPLAT_TIER") && said.contains("quantum"), "{said}");
+    assert!(said.contains("portable"), "it says what there is: {said}");
+}

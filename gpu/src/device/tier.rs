@@ -1,0 +1,136 @@
+//! What kernels may rely on, chosen once when a device is opened: facts of the adapter in, tiers
+//! that it may have out, best first. No device is needed here; whether the adapter keeps its word
+//! is for the self-test to say.
+
+use crate::tiling::Tiling;
+
+/// Width of the subgroups that the software tier relies on: what Mesa's llvmpipe has on x86 with
+/// AVX2.
+pub const SOFTWARE_SUBGROUP: u32 = 8;
+
+/// Fewest lanes of a subgroup that is of any use.
+const FEWEST_LANES: u32 = 4;
+
+/// What kernels may rely on. On every tier: workgroup memory and barriers; on none: atomics, whose
+/// order is nobody's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tier {
+    /// The processor pretends to be a GPU: few threads that handle many pixels each do best.
+    /// Subgroups have [`SOFTWARE_SUBGROUP`] lanes, in the order of the threads.
+    Software,
+    /// Nothing besides: no subgroup operations.
+    Portable,
+    /// A GPU with subgroups of a size between these, a power of two that the kernel learns when it
+    /// runs; their lanes are in the order of the threads.
+    Subgroup {
+        /// Fewest lanes.
+        min: u32,
+        /// Most lanes.
+        max: u32,
+    },
+}
+
+impl Tier {
+    /// `software`, `portable` or `subgroup`; `LEXSPLAT_TIER` takes these.
+    pub fn name(self) -> &'static str {
+        match self {
+            Tier::Software => "software",
+            Tier::Portable => "portable",
+            Tier::Subgroup { .. } => "subgroup",
+        }
+    }
+
+    /// Fewest and most lanes of a subgroup; none without subgroup operations.
+    pub fn subgroup(self) -> Option<(u32, u32)> {
+        match self {
+            Tier::Software => Some((SOFTWARE_SUBGROUP, SOFTWARE_SUBGROUP)),
+            Tier::Portable => None,
+            Tier::Subgroup { min, max } => Some((min, max)),
+        }
+    }
+
+    /// How tiles are spread over threads: one subgroup each, where their size is fixed.
+    pub fn tiling(self) -> Tiling {
+        let fixed = self.subgroup().filter(|(min, max)| min == max);
+        fixed.and_then(|(lanes, _)| Tiling::subgroup(lanes)).unwrap_or(Tiling::PORTABLE)
+    }
+
+    /// Optional features that a device of this tier must have.
+    pub(super) fn features(self) -> wgpu::Features {
+        self.subgroup().map_or(wgpu::Features::empty(), |_| wgpu::Features::SUBGROUP)
+    }
+}
+
+/// What an adapter says of itself, as far as tiers go.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facts {
+    /// It is the processor.
+    pub cpu: bool,
+    /// Fewest and most lanes of a subgroup; none without subgroup operations.
+    pub subgroup: Option<(u32, u32)>,
+}
+
+impl Facts {
+    pub fn of(adapter: &wgpu::Adapter) -> Self {
+        let info = adapter.get_info();
+        let has = adapter.features().contains(wgpu::Features::SUBGROUP);
+        Self {
+            cpu: info.device_type == wgpu::DeviceType::Cpu,
+            subgroup: has.then_some((info.subgroup_min_size, info.subgroup_max_size)),
+        }
+    }
+
+    /// The tiers that the adapter may have, best first; the last is always the portable one. With
+    /// them, why there is none better, if so.
+    pub fn tiers(self) -> (Vec<Tier>, Option<String>) {
+        let width = SOFTWARE_SUBGROUP;
+        match self.subgroup {
+            None => (vec![Tier::Portable], Some("no subgroup operations".to_owned())),
+            Some((min, max)) if min < FEWEST_LANES => {
+                let why = format!("subgroups of {min} to {max} lanes, needed {FEWEST_LANES}");
+                (vec![Tier::Portable], Some(why))
+            }
+            Some((min, max)) if !self.cpu => {
+                (vec![Tier::Subgroup { min, max }, Tier::Portable], None)
+            }
+            Some((min, max)) if (min, max) == (width, width) => {
+                (vec![Tier::Software, Tier::Portable], None)
+            }
+            Some((min, max)) => (
+                vec![Tier::Portable],
+                Some(format!("subgroups of {min} to {max} lanes on a processor, not of {width}")),
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Facts, Tier, Tiling};
+
+    #[test]
+    fn tiles_are_subgroups_where_the_size_is_fixed() {
+        let tiling = |min, max| Tier::Subgroup { min, max }.tiling();
+        assert_eq!(Tier::Software.tiling().lanes, 8);
+        assert!(Tier::Software.tiling().subgroups && tiling(32, 32).subgroups);
+        assert_eq!(tiling(32, 64), Tiling::PORTABLE);
+        assert_eq!(Tier::Portable.tiling(), Tiling::PORTABLE);
+    }
+
+    #[test]
+    fn facts_decide_and_portable_is_always_there() {
+        let tiers = |cpu, subgroup| Facts { cpu, subgroup }.tiers();
+        let gpu = Tier::Subgroup { min: 32, max: 64 };
+        assert_eq!(tiers(false, Some((32, 64))), (vec![gpu, Tier::Portable], None));
+        assert_eq!(tiers(true, Some((8, 8))), (vec![Tier::Software, Tier::Portable], None));
+        let (other, why) = tiers(true, Some((4, 8)));
+        assert_eq!(other, [Tier::Portable]);
+        assert!(why.is_some_and(|why| why.contains("4 to 8")));
+        assert_eq!(tiers(false, Some((2, 32))).0, [Tier::Portable]);
+        for cpu in [true, false] {
+            let (none, why) = tiers(cpu, None);
+            assert_eq!(none, [Tier::Portable]);
+            assert!(why.is_some_and(|why| why.contains("no subgroup")));
+        }
+    }
+}
