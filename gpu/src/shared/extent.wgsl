@@ -1,3 +1,4 @@
+/// Width and height of a tile, in pixels.
 const TILE_SIZE: vec2<f32> = vec2<f32>(f32(TILE_WIDTH), f32(TILE_HEIGHT));
 
 /// Tiles that the bounding box of the visible ellipse meets: first column, first row, end, end.

@@ -252,7 +252,6 @@ fn a_long_needle_has_no_holes() {
 
 /// Features that are not numbers, or not below 1e30, belong to no picture.
 #[test]
-#[ignore = "blend multiplies by the feature where the weight is zero: the whole tile is spoilt"]
 fn a_spoilt_feature_stays_out_of_the_picture() {
     let gpu = support::gpu();
     let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
