@@ -11,7 +11,7 @@ use crate::device::Gpu;
 use crate::error::{GpuError, expect_len};
 use crate::gaussians::{Arrays, Gaussians, MAX_CHANNELS};
 use crate::kernel::Recorder;
-use crate::layout::{HitCount, PixelState, Row, rows_for};
+use crate::layout::{PixelState, Row, rows_for};
 use crate::loss::Loss;
 use crate::pass::{Lister, Pass};
 use crate::reduce::Reduce;
@@ -51,6 +51,15 @@ pub struct LanguageImage {
     pub codes: Vec<f32>,
     /// One minus the light that passes the language head; height x width.
     pub opacity: Vec<f32>,
+}
+
+/// A rendered view on the device, until the renderer is used again.
+#[derive(Clone, Copy)]
+pub struct Drawn<'a> {
+    /// Red, green, blue over black and blended z in metres, not divided by opacity; height x width.
+    pub image: &'a Buffer<Row>,
+    /// Light that passes; height x width.
+    pub pixels: &'a Buffer<PixelState>,
 }
 
 /// What one Gaussian gave to a picture.
@@ -242,45 +251,69 @@ impl Renderer {
         }
     }
 
+    /// Renders colour, depth and opacity and leaves them on the device; nothing for an empty map.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_colour`].
+    pub fn draw_colour(
+        &mut self,
+        gaussians: &Gaussians,
+        camera: &Camera,
+    ) -> Result<Option<Drawn<'_>>, GpuError> {
+        if !self.draw_whole(gaussians, camera, true)? {
+            return Ok(None);
+        }
+        Ok(Some(Drawn { image: self.colour.image(), pixels: self.colour.pixels() }))
+    }
+
+    /// Draws one head from lists that hold all hits; false for an empty map.
+    fn draw_whole(
+        &mut self,
+        gaussians: &Gaussians,
+        camera: &Camera,
+        colour: bool,
+    ) -> Result<bool, GpuError> {
+        check_camera(camera)?;
+        expect_len("language_channels", self.channels, gaussians.language_channels())?;
+        let Some(arrays) = gaussians.arrays().filter(|_| !gaussians.is_empty()) else {
+            return Ok(false);
+        };
+        let (colour_camera, language) = (colour.then_some(camera), (!colour).then_some(camera));
+        let cameras = Cameras { colour: colour_camera, language };
+        let gpu = self.gpu.clone();
+        loop {
+            self.reserve(gaussians, cameras, false)?;
+            let mut recorder = Recorder::new(&gpu)?;
+            self.draw(&mut recorder, (arrays, gaussians.len()), cameras);
+            recorder.submit();
+            let pass = if colour { &mut self.colour } else { &mut self.language };
+            let count = pass.hit_count().read(&gpu, 1)?[0];
+            if !pass.outgrown(count) {
+                return Ok(true);
+            }
+        }
+    }
+
     fn render(
         &mut self,
         gaussians: &Gaussians,
         camera: &Camera,
         colour: bool,
     ) -> Result<(Vec<Row>, Vec<f32>), GpuError> {
-        check_camera(camera)?;
-        expect_len("language_channels", self.channels, gaussians.language_channels())?;
         let rows = if colour { 1 } else { rows_for(self.channels) };
         let pixels = camera.pixels();
-        let Some(arrays) = gaussians.arrays().filter(|_| !gaussians.is_empty()) else {
+        if !self.draw_whole(gaussians, camera, colour)? {
             return Ok((vec![[0.0; 4]; rows * pixels], vec![0.0; pixels]));
-        };
-        let cameras =
-            Cameras { colour: colour.then_some(camera), language: (!colour).then_some(camera) };
-        loop {
-            self.reserve(gaussians, cameras, false)?;
-            let gpu = self.gpu.clone();
-            let mut recorder = Recorder::new(&gpu)?;
-            self.draw(&mut recorder, (arrays, gaussians.len()), cameras);
-            recorder.submit();
-            let pass = if colour { &mut self.colour } else { &mut self.language };
-            let (image, states) =
-                (rows * pixels * size_of::<Row>(), pixels * size_of::<PixelState>());
-            let parts: [(&wgpu::Buffer, u64); 3] = [
-                (pass.hit_count(), size_of::<HitCount>() as u64),
-                (pass.image(), image as u64),
-                (pass.pixels(), states as u64),
-            ];
-            let bytes = read_bytes(&gpu, &parts)?;
-            let (count, bytes) = bytes.split_at(size_of::<HitCount>());
-            if pass.outgrown(bytemuck::pod_read_unaligned(count)) {
-                continue;
-            }
-            let (image, states) = bytes.split_at(image);
-            let states: Vec<PixelState> = bytemuck::pod_collect_to_vec(states);
-            let opacity = states.iter().map(|state| 1.0 - state.transmittance).collect();
-            return Ok((bytemuck::pod_collect_to_vec(image), opacity));
         }
+        let pass = if colour { &self.colour } else { &self.language };
+        let (image, states) = (rows * pixels * size_of::<Row>(), pixels * size_of::<PixelState>());
+        let parts: [(&wgpu::Buffer, u64); 2] =
+            [(pass.image(), image as u64), (pass.pixels(), states as u64)];
+        let bytes = read_bytes(&self.gpu, &parts)?;
+        let (image, states) = bytes.split_at(image);
+        let states: Vec<PixelState> = bytemuck::pod_collect_to_vec(states);
+        let opacity = states.iter().map(|state| 1.0 - state.transmittance).collect();
+        Ok((bytemuck::pod_collect_to_vec(image), opacity))
     }
 }
 
