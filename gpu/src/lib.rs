@@ -46,7 +46,7 @@ pub use gradients::HeadGradient;
 pub use loss::{LossWeights, Losses};
 pub use profile::KernelTime;
 pub use pyramid::{Pyramid, Pyramids};
-pub use render::{ColourImage, Contribution, Drawn, LanguageImage, Renderer};
+pub use render::{ColourImage, Contribution, Drawn, LanguageImage, Renderer, Workload};
 pub use step::{StepReport, TrainingView};
 pub use target::{ColourTarget, LanguageTarget};
 pub use ties::Ties;

@@ -258,6 +258,11 @@ impl Pass {
         &self.scratch().pixels
     }
 
+    /// First and end of each tile's list.
+    pub fn ranges(&self) -> &Buffer<[u32; 2]> {
+        &self.scratch().hits.ranges
+    }
+
     /// The counters of the lists.
     pub fn hit_count(&self) -> &Buffer<HitCount> {
         &self.scratch().hits.count

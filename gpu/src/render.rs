@@ -23,6 +23,9 @@ use crate::ties::{Tie, Ties};
 /// Hits that fit before the first growth.
 const FIRST_HIT_CAPACITY: usize = 1 << 16;
 
+/// A pixel with less light left takes little more.
+const FULL_TRANSMITTANCE: f32 = 5e-3;
+
 /// A rendered view, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourImage {
@@ -51,6 +54,18 @@ pub struct LanguageImage {
     pub codes: Vec<f32>,
     /// One minus the light that passes the language head; height x width.
     pub opacity: Vec<f32>,
+}
+
+/// How much work a colour picture is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Workload {
+    /// Gaussians that the view sees.
+    pub visible: usize,
+    /// (Gaussian, tile) pairs.
+    pub hits: usize,
+    /// Gaussians evaluated at pixels: a tile's list up to where its last pixel is full, times the
+    /// tile's pixels.
+    pub evaluations: u64,
 }
 
 /// A rendered view on the device, until the renderer is used again.
@@ -264,6 +279,41 @@ impl Renderer {
             return Ok(None);
         }
         Ok(Some(Drawn { image: self.colour.image(), pixels: self.colour.pixels() }))
+    }
+
+    /// How much work the colour picture of a camera is.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_colour`].
+    pub fn workload(
+        &mut self,
+        gaussians: &Gaussians,
+        camera: &Camera,
+    ) -> Result<Workload, GpuError> {
+        if !self.draw_whole(gaussians, camera, true)? {
+            return Ok(Workload::default());
+        }
+        let tiling = self.gpu.tiling();
+        let [columns, rows] = camera.tiles(tiling);
+        let [width, height] = tiling.size();
+        let ranges = self.colour.ranges().read(&self.gpu, (columns * rows) as usize)?;
+        let pixels = self.colour.pixels().read(&self.gpu, camera.pixels())?;
+        let mut ends: Vec<(u32, f32)> = vec![(0, 0.0); ranges.len()];
+        for (at, pixel) in pixels.iter().enumerate() {
+            let (x, y) = (at as u32 % camera.width, at as u32 / camera.width);
+            let (last, lightest) = &mut ends[(y / height * columns + x / width) as usize];
+            *last = pixel.last.max(*last);
+            *lightest = pixel.transmittance.max(*lightest);
+        }
+        let evaluated = ranges.iter().zip(&ends).map(|([first, end], (last, lightest))| {
+            let end = if *lightest < FULL_TRANSMITTANCE { *last } else { *end };
+            u64::from(end.saturating_sub(*first))
+        });
+        Ok(Workload {
+            visible: self.lister.ranks().visible.read(&self.gpu, 1)?[0].count as usize,
+            hits: self.colour.hit_count().read(&self.gpu, 1)?[0].drawn as usize,
+            evaluations: evaluated.sum::<u64>() * u64::from(width * height),
+        })
     }
 
     /// Draws one head from lists that hold all hits; false for an empty map.

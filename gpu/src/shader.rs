@@ -108,8 +108,10 @@ impl Shader {
 
 /// Shared WGSL: the index of a thread in a grid that was split over two axes.
 pub const GRID: &str = include_str!("shared/grid.wgsl");
-/// Shared WGSL: pixels of a lane, one Gaussian at four pixels, and how a batch of hits is loaded.
+/// Shared WGSL: pixels of a lane, and one Gaussian at four pixels.
 pub const TILE: &str = include_str!("shared/tile.wgsl");
+/// Shared WGSL: how a batch of hits is loaded and handed round.
+pub const HITS: &str = include_str!("shared/hits.wgsl");
 /// Shared WGSL: how lanes talk where a tile is one subgroup.
 pub const LANES_SUBGROUP: &str = include_str!("shared/lanes_subgroup.wgsl");
 /// Shared WGSL: how lanes talk through workgroup memory.

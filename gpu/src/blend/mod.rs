@@ -73,7 +73,7 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
     let shader = |label, text, (chunk, left): (u32, u32), bindings| Shader {
         label,
         entry: "main",
-        parts: vec![GRID, tiling.part(), shader::TILE, text],
+        parts: vec![GRID, tiling.part(), shader::TILE, shader::HITS, text],
         constants: [
             ("ROWS", Constant::U32(rows as u32)),
             ("CHUNK", Constant::U32(chunk)),

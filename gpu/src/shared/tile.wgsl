@@ -29,25 +29,3 @@ fn footprint(place: vec4<f32>, form: vec4<f32>, origin: vec2<f32>) -> Footprint 
     let alpha = exp2(power);
     return Footprint(dx, dy, select(vec4<f32>(0.0), alpha, alpha >= vec4<f32>(MIN_ALPHA)));
 }
-
-/// Loads the hits from `start` on, one per lane, and hands round their splats and CHUNK rows of
-/// their features; hits from `end` on are too faint to be drawn. Returns this lane's slot.
-fn publish_hits(start: u32, end: u32, lane: u32) -> u32 {
-    let slot = slot_from_sorted[min(start + lane % BATCH, end - 1u)];
-    let gaussian = gaussian_from_slot[slot];
-    var form = splats[gaussian].form;
-    form.y = select(-HUGE, form.y, start + lane < end);
-    publish(0u, splats[gaussian].place, lane);
-    publish(1u, form, lane);
-    //repeat row CHUNK
-    {
-        let row = pass_.chunk * CHUNK + $row;
-        var feature = vec4<f32>(0.0);
-        if row < ROWS { feature = features[gaussian * ROWS + row]; }
-        feature = select(vec4<f32>(0.0), feature, abs(feature) < vec4<f32>(HUGE));
-        if DEPTH { feature.w = form.z; }
-        publish(2u + $row, feature, lane);
-    }
-    //end
-    return slot;
-}
