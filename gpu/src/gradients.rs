@@ -95,7 +95,7 @@ impl Renderer {
             (if colour { &self.colour } else { &self.language }, self.lister.ranks());
         let gradients = &pass.training().gradients;
         let visible = ranks.visible.read(gpu, 1)?[0].count as usize;
-        let gaussians = ranks.gaussian_from_rank().read(gpu, visible)?;
+        let gaussians = ranks.gaussian_from_visible.read(gpu, visible)?;
         let place = |from: &[Row], rows: usize, used: usize| {
             let mut to = vec![[0.0; 4]; used * count];
             for (gaussian, from) in gaussians.iter().zip(from.chunks(rows)) {

@@ -75,10 +75,14 @@ constants! {
     GROUPS_PER_AXIS: u32 = 65_535;
     /// Elements that one thread sums or scans.
     RUN: u32 = 64;
+    /// Runs into which hits are cut where tiles are counted, not sorted.
+    TILE_RUNS: u32 = 32;
     /// Tiles whose test results fit into the mask of a Gaussian.
     MASK_TILES: u32 = 32;
     /// Gaussians nearer than this, in metres, are not drawn.
     NEAR: f32 = 0.1;
+    /// Bits of a depth that do not count for the order: what is left tells apart two millionths.
+    DEPTH_SHIFT: u32 = 4;
     /// Gaussians farther than this, in metres, are not drawn.
     FAR: f32 = 1e6;
     /// Added to the diagonal of the projected covariance, in square pixels (Kerbl et al. 2023).
@@ -171,10 +175,24 @@ structs! {
         /// yy; level; z in the camera, metres; by how much the power may fall before alpha is below
         /// `MIN_ALPHA`.
         form: Row => "vec4<f32>",
+        /// Colour; depth once more. Zeros for language, whose features are too long to be carried.
+        feature: Row => "vec4<f32>",
         /// Half width and height of the visible ellipse, in pixels.
         extent: [f32; 2] => "vec2<f32>",
-        /// Fills the struct to 48 bytes.
+        /// Fills the struct to 64 bytes, a line of most caches.
         unused: [f32; 2] => "vec2<f32>",
+    }
+    /// Which tiles a Gaussian hits.
+    Coverage {
+        /// How many.
+        hits: u32 => "u32",
+        /// A bit for each tile of the rectangle that is hit, row by row; meaningless if there are
+        /// more than `MASK_TILES`.
+        mask: u32 => "u32",
+        /// The first tile of the rectangle.
+        origin: u32 => "u32",
+        /// Columns of the rectangle; 0 if it has more than `MASK_TILES` tiles.
+        width: u32 => "u32",
     }
     /// What the backward blend must know of a pixel.
     PixelState {

@@ -199,8 +199,7 @@ impl Pass {
         arguments: PassArguments,
     ) {
         let projected = self.projected();
-        let rows = (&means.values, &head.geometry.values);
-        self.project.forward(recorder, &arguments, rows, projected);
+        self.project.forward(recorder, &arguments, (&means.values, head), projected);
         self.last = Some(arguments);
     }
 
@@ -296,7 +295,7 @@ impl Pass {
         self.blend.touch(&mut recorder, lists, &scratch.pixels, &records);
         recorder.submit();
         let visible = ranks.visible.read(gpu, 1)?[0].count as usize;
-        let gaussians = ranks.gaussian_from_rank().read(gpu, visible)?;
+        let gaussians = ranks.gaussian_from_rank.read(gpu, visible)?;
         let slots = scratch.hits.slot_from_rank.read(gpu, visible + 1)?;
         let rows: Vec<Row> = records.read(gpu, slots[visible] as usize)?;
         let mut found = vec![[0.0; 2]; lists.arguments.count as usize];

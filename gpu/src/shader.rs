@@ -131,7 +131,7 @@ pub fn catalogue(channels: usize, tiling: Tiling, sort: SortShape) -> Vec<Shader
     shaders.extend(crate::sort::shaders(sort));
     shaders.extend(crate::reduce::shaders());
     shaders.extend(crate::order::shaders());
-    shaders.extend(crate::tiles::shaders(tiling));
+    shaders.extend(crate::tiles::shaders(tiling, sort));
     shaders.extend(crate::gather::shaders());
     shaders.extend(crate::densify::shaders());
     shaders.extend(crate::morton::shaders());

@@ -1,7 +1,7 @@
 // t += 1 where a pixel saw the Gaussian; corrections = 1/(1 - b1^t), 1/(1 - b2^t), else 0.
 
-@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // detail: rows of the sums per rank
-@group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // detail: rows of the sums per visible Gaussian
+@group(0) @binding(1) var<storage, read> gaussian_from_visible: array<u32>;
 @group(0) @binding(2) var<storage, read> sums: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> one: array<HitCount>;
 @group(0) @binding(4) var<storage, read> other: array<HitCount>;
@@ -11,15 +11,15 @@
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let rank = linear_thread(group, groups, lane);
-    if rank >= arguments.count { return; }
+    let index = linear_thread(group, groups, lane);
+    if index >= arguments.count { return; }
     let whole = one[0].wanted <= one[0].drawn && other[0].wanted <= other[0].drawn;
-    corrections[rank] = vec2<f32>(0.0);
-    if whole && sums[arguments.detail * rank].w > 0.0 {
-        let gaussian = gaussian_from_rank[rank];
+    corrections[index] = vec2<f32>(0.0);
+    if whole && sums[arguments.detail * index].w > 0.0 {
+        let gaussian = gaussian_from_visible[index];
         let t = steps[gaussian] + 1u;
         steps[gaussian] = t;
         let decay = exp(f32(t) * log(vec2<f32>(BETA_FIRST, BETA_SECOND)));
-        corrections[rank] = 1.0 / (1.0 - decay);
+        corrections[index] = 1.0 / (1.0 - decay);
     }
 }

@@ -147,7 +147,7 @@ impl Adam {
         let (sums, rows) = seen.sums;
         let arguments = ArrayArguments { count: seen.count as u32, detail: rows as u32 };
         let [one, other] = seen.counts;
-        let gaussians = seen.ranks.gaussian_from_rank();
+        let gaussians = &seen.ranks.gaussian_from_visible;
         let buffers: [&wgpu::Buffer; 6] = [gaussians, sums, one, other, steps, corrections];
         seen.ranks.run(recorder, &self.advance, &arguments, &buffers);
     }
@@ -170,7 +170,7 @@ impl Adam {
             unused: 0,
         };
         let Parameters { values, first, second, .. } = parameters;
-        let gaussians = gradients.ranks.gaussian_from_rank();
+        let gaussians = &gradients.ranks.gaussian_from_visible;
         let buffers: [&wgpu::Buffer; 6] =
             [gaussians, rows, gradients.corrections, values, first, second];
         gradients.ranks.run(recorder, &self.update, &arguments, &buffers);

@@ -1,7 +1,7 @@
-// The parameters of one rank's Gaussian; see mod.rs for the formula.
+// The parameters of one visible Gaussian; see mod.rs for the formula.
 
 @group(0) @binding(0) var<uniform> arguments: AdamArguments;
-@group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(1) var<storage, read> gaussian_from_visible: array<u32>;
 @group(0) @binding(2) var<storage, read> gradients: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> corrections: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> values: array<vec4<f32>>;
@@ -11,14 +11,14 @@
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let rank = linear_thread(group, groups, lane);
-    if rank >= arguments.count { return; }
-    let correction = corrections[rank];
+    let index = linear_thread(group, groups, lane);
+    if index >= arguments.count { return; }
+    let correction = corrections[index];
     if !(correction.x > 0.0) { return; }
-    let gaussian = gaussian_from_rank[rank];
+    let gaussian = gaussian_from_visible[index];
     for (var part = 0u; part < arguments.rows; part++) {
         let row = gaussian * arguments.rows + part;
-        let gradient = gradients[rank * arguments.stride + part];
+        let gradient = gradients[index * arguments.stride + part];
         let rates = select(arguments.even, arguments.odd, vec4<bool>(part % 2u == 1u));
         let m = BETA_FIRST * first[row] + (1.0 - BETA_FIRST) * gradient;
         let v = BETA_SECOND * second[row] + (1.0 - BETA_SECOND) * gradient * gradient;

@@ -34,7 +34,6 @@ struct Inner {
     device: wgpu::Device,
     queue: wgpu::Queue,
     limits: wgpu::Limits,
-    sort_shape: SortShape,
     uniforms: Mutex<Vec<wgpu::Buffer>>,
     profile: Profile,
     fault: Arc<Mutex<Option<Fault>>>,
@@ -104,7 +103,7 @@ impl Gpu {
 
     /// How sorts are spread over threads on this adapter.
     pub fn sort_shape(&self) -> SortShape {
-        self.inner.sort_shape
+        self.inner.tier.sort_shape()
     }
 
     pub(crate) fn profile(&self) -> &Profile {
@@ -237,16 +236,11 @@ fn request(
     }))
     .map_err(|error| GpuError::NoDevice { adapter: name.clone(), reason: error.to_string() })?;
     let fault = watch(&device);
-    let sort_shape = match adapter.get_info().device_type {
-        wgpu::DeviceType::Cpu => SortShape::FEW_THREADS,
-        _ => SortShape::MANY_THREADS,
-    };
     let inner = Inner {
         name,
         device,
         queue,
         limits,
-        sort_shape,
         uniforms: Mutex::default(),
         profile: Profile::default(),
         fault,

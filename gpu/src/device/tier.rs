@@ -2,6 +2,7 @@
 //! that it may have out, best first. No device is needed here; whether the adapter keeps its word
 //! is for the self-test to say.
 
+use crate::sort::SortShape;
 use crate::tiling::Tiling;
 
 /// Width of the subgroups that the software tier relies on: what Mesa's llvmpipe has on x86 with
@@ -53,6 +54,14 @@ impl Tier {
     pub fn tiling(self) -> Tiling {
         let fixed = self.subgroup().filter(|(min, max)| min == max);
         fixed.and_then(|(lanes, _)| Tiling::subgroup(lanes)).unwrap_or(Tiling::PORTABLE)
+    }
+
+    /// How sorts are spread over threads.
+    pub fn sort_shape(self) -> SortShape {
+        match self {
+            Tier::Software => SortShape::FEW_THREADS,
+            Tier::Portable | Tier::Subgroup { .. } => SortShape::MANY_THREADS,
+        }
     }
 
     /// Optional features that a device of this tier must have.

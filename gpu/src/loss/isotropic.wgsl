@@ -4,7 +4,7 @@
 
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;
-@group(0) @binding(2) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(2) var<storage, read> gaussian_from_visible: array<u32>;
 @group(0) @binding(3) var<storage, read> colour: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> gradients: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> terms: array<vec4<f32>>;
@@ -12,16 +12,16 @@
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let rank = linear_thread(group, groups, lane);
-    if rank >= visible[0].count { return; }
-    let row = 2u * gaussian_from_rank[rank] + 1u;
-    terms[rank] = vec4<f32>(0.0);
+    let index = linear_thread(group, groups, lane);
+    if index >= visible[0].count { return; }
+    let row = 2u * gaussian_from_visible[index] + 1u;
+    terms[index] = vec4<f32>(0.0);
     let s = scales(colour[row].xyz);
     let off = s - vec3<f32>((s.x + s.y + s.z) / 3.0);
     let term = arguments.first * dot(abs(off), vec3<f32>(1.0));
     if !is_finite(term) { return; }
     let side = sign(off);
     let shared_side = vec3<f32>((side.x + side.y + side.z) / 3.0);
-    terms[rank].x = term;
-    gradients[2u * rank + 1u] += vec4<f32>(arguments.first * (side - shared_side) * s, 0.0);
+    terms[index].x = term;
+    gradients[2u * index + 1u] += vec4<f32>(arguments.first * (side - shared_side) * s, 0.0);
 }

@@ -168,7 +168,7 @@ impl Loss {
     ) {
         let arguments = shape_arguments(weight, count);
         let buffers: [&wgpu::Buffer; 5] =
-            [&ranks.visible, ranks.gaussian_from_rank(), colour, gradients, terms];
+            [&ranks.visible, &ranks.gaussian_from_visible, colour, gradients, terms];
         ranks.run(recorder, &self.isotropic, &arguments, &buffers);
     }
 
@@ -183,7 +183,7 @@ impl Loss {
     ) {
         let arguments = shape_arguments(weight, count);
         let buffers: [&wgpu::Buffer; 6] =
-            [&ranks.visible, ranks.gaussian_from_rank(), colour, language, gradients, terms];
+            [&ranks.visible, &ranks.gaussian_from_visible, colour, language, gradients, terms];
         ranks.run(recorder, &self.tie, &arguments, &buffers);
     }
 }

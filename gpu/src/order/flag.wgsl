@@ -2,8 +2,8 @@
 // total.
 
 @group(0) @binding(0) var<uniform> arguments: ArrayArguments;
-@group(0) @binding(1) var<storage, read> one: array<vec2<u32>>;
-@group(0) @binding(2) var<storage, read> other: array<vec2<u32>>;
+@group(0) @binding(1) var<storage, read> one: array<Coverage>;
+@group(0) @binding(2) var<storage, read> other: array<Coverage>;
 @group(0) @binding(3) var<storage, read_write> slots: array<u32>;
 
 @compute @workgroup_size(GROUP)
@@ -12,6 +12,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let gaussian = linear_thread(group, groups, lane);
     if gaussian > arguments.count { return; }
     var seen = false;
-    if gaussian < arguments.count { seen = (one[gaussian].x | other[gaussian].x) != 0u; }
+    if gaussian < arguments.count { seen = (one[gaussian].hits | other[gaussian].hits) != 0u; }
     slots[gaussian] = u32(seen);
 }

@@ -1,9 +1,10 @@
 //! The Gaussians that a view sees, near to far: one depth sort for both heads, whose means are the
 //! same.
 //!
-//! In: what [`crate::project`] found for one head or for both. Out: the number of visible Gaussians
-//! and `gaussian_from_rank`, by depth, equal depths by index. Everything behind works in ranks and
-//! costs nothing for a Gaussian that no head shows.
+//! In: what [`crate::project`] found for one head or for both. Out: the visible Gaussians, in their own
+//! order and by depth (equal depths by index), and how the two orders go into each other. Lists are
+//! made in the order of ranks; gradients and what follows from them in the map's own order, in which
+//! neighbours in memory are met one after the other. A Gaussian that no head shows costs nothing.
 
 use bytemuck::Pod;
 
@@ -11,7 +12,7 @@ use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{ArrayArguments, FAR, GROUP, GROUPS_PER_AXIS, NEAR, Visible};
+use crate::layout::{ArrayArguments, DEPTH_SHIFT, FAR, GROUP, GROUPS_PER_AXIS, NEAR, Visible};
 use crate::project::Projected;
 use crate::scan::ScanScratch;
 use crate::shader::{Access, GRID, Shader};
@@ -21,6 +22,7 @@ use crate::sort::{Sort, SortBuffers};
 pub struct Order {
     flag: Kernel,
     compact: Kernel,
+    invert: Kernel,
 }
 
 /// The visible Gaussians of one view; room for `capacity`.
@@ -30,10 +32,16 @@ pub struct Ranks {
     scan: ScanScratch,
     /// How many there are.
     pub visible: Buffer<Visible>,
+    /// Gaussians in their own order; the first `visible.count` count, here and below.
+    pub gaussian_from_visible: Buffer<u32>,
+    /// Where each of these is by depth.
+    pub rank_from_visible: Buffer<u32>,
+    /// Gaussians by depth.
+    pub gaussian_from_rank: Buffer<u32>,
 }
 
 /// This kernel's shaders.
-pub fn shaders() -> [Shader; 2] {
+pub fn shaders() -> [Shader; 3] {
     use Access::{Read, Write};
     let shader = |label, text, bindings| Shader {
         label,
@@ -49,6 +57,7 @@ pub fn shaders() -> [Shader; 2] {
             include_str!("compact.wgsl"),
             vec![Read, Read, Read, Read, Read, Write, Write, Write],
         ),
+        shader("order_invert", include_str!("invert.wgsl"), vec![Read, Read, Read, Write, Write]),
     ]
 }
 
@@ -58,12 +67,17 @@ impl Ranks {
     /// # Errors
     /// As [`Buffer::new`].
     pub fn new(gpu: &Gpu, sort: &Sort, capacity: usize) -> Result<Self, GpuError> {
-        let depth_bits = u32::BITS - (FAR.to_bits() - NEAR.to_bits()).leading_zeros();
+        let steps = (FAR.to_bits() - NEAR.to_bits()) >> DEPTH_SHIFT;
+        let depth_bits = u32::BITS - steps.leading_zeros();
+        let indices = |label| Buffer::new(gpu, label, capacity);
         Ok(Self {
             sort: sort.buffers(gpu, capacity, depth_bits)?,
             slots: Buffer::new(gpu, "visible slots", capacity + 1)?,
             scan: sort.scan().scratch(gpu, capacity + 1)?,
             visible: Buffer::new(gpu, "visible", 1)?,
+            gaussian_from_visible: indices("gaussian from visible")?,
+            rank_from_visible: indices("rank from visible")?,
+            gaussian_from_rank: indices("gaussian from rank")?,
         })
     }
 
@@ -79,13 +93,12 @@ impl Ranks {
         let groups = [groups.min(GROUPS_PER_AXIS), rows, 1];
         ranks.visible.write(gpu, 0, &[Visible { count: count as u32, groups }]);
         let gaussians: Vec<u32> = (0..count as u32).collect();
-        ranks.gaussian_from_rank().write(gpu, 0, &gaussians);
+        for order in
+            [&ranks.gaussian_from_visible, &ranks.rank_from_visible, &ranks.gaussian_from_rank]
+        {
+            order.write(gpu, 0, &gaussians);
+        }
         Ok(ranks)
-    }
-
-    /// Gaussians by depth; the first `visible.count` count.
-    pub fn gaussian_from_rank(&self) -> &Buffer<u32> {
-        &self.sort.values[self.sort.side()]
     }
 
     /// Runs a kernel with one thread per visible Gaussian, and at least one.
@@ -107,7 +120,7 @@ impl Ranks {
 
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
-        self.sort.device_bytes() + self.slots.size()
+        self.sort.device_bytes() + self.slots.size() + 3 * self.gaussian_from_rank.size()
     }
 }
 
@@ -117,8 +130,12 @@ impl Order {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [flag, compact] = shaders();
-        Ok(Self { flag: Kernel::new(gpu, &flag)?, compact: Kernel::new(gpu, &compact)? })
+        let [flag, compact, invert] = shaders();
+        Ok(Self {
+            flag: Kernel::new(gpu, &flag)?,
+            compact: Kernel::new(gpu, &compact)?,
+            invert: Kernel::new(gpu, &invert)?,
+        })
     }
 
     /// Ranks the first `count` Gaussians that one of two heads shows; with one head, give it twice.
@@ -134,18 +151,25 @@ impl Order {
         let flags: [&wgpu::Buffer; 3] = [coverage[0], coverage[1], &ranks.slots];
         recorder.dispatch_threads(&self.flag, &arguments, &flags, count + 1);
         sort.scan().exclusive(recorder, &ranks.slots, count + 1, &ranks.scan);
-        let (keys, gaussians) = (&ranks.sort.keys[0], &ranks.sort.values[0]);
         let buffers: [&wgpu::Buffer; 8] = [
             coverage[0],
             coverage[1],
             &one.splats,
             &other.splats,
             &ranks.slots,
-            keys,
-            gaussians,
+            &ranks.sort.keys[0],
+            &ranks.gaussian_from_visible,
             &ranks.visible,
         ];
         recorder.dispatch_threads(&self.compact, &arguments, &buffers, count + 1);
-        sort.sort(recorder, &ranks.sort, &ranks.visible);
+        let sorted = sort.sort_indices(recorder, &ranks.sort, &ranks.visible);
+        let buffers: [&wgpu::Buffer; 5] = [
+            &ranks.visible,
+            sorted,
+            &ranks.gaussian_from_visible,
+            &ranks.rank_from_visible,
+            &ranks.gaussian_from_rank,
+        ];
+        ranks.run(recorder, &self.invert, &arguments, &buffers);
     }
 }

@@ -1,4 +1,4 @@
-// From the summed records of a rank to its parameters and to the pose (Kerbl et al. 2023,
+// From the summed records of a Gaussian to its parameters and to the pose (Kerbl et al. 2023,
 // appendix A). With conic K, Sigma = K^-1:
 //   dL/dmean2 = -(A sx + B sy, B sx + C sy), dL/dK = -(sxx, sxy, syy) / 2 as a symmetric matrix,
 //   dL/dSigma = -K dL/dK K, and Sigma = X X^T with X = J W R S gives the rest by the chain rule.
@@ -7,7 +7,7 @@
 // Language (not COLOUR) leaves mean and pose alone.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
-@group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(1) var<storage, read> gaussian_from_visible: array<u32>;
 @group(0) @binding(2) var<storage, read> means: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> geometry: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> sums: array<vec4<f32>>;
@@ -46,18 +46,18 @@ fn point_gradient(p: vec3<f32>, mean: vec2<f32>, depth: f32, jx: vec3<f32>,
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let rank = linear_thread(group, groups, lane);
-    if rank >= pass_.count { return; }
-    geometry_gradients[2u * rank] = vec4<f32>(0.0);
-    geometry_gradients[2u * rank + 1u] = vec4<f32>(0.0);
+    let index = linear_thread(group, groups, lane);
+    if index >= pass_.count { return; }
+    geometry_gradients[2u * index] = vec4<f32>(0.0);
+    geometry_gradients[2u * index + 1u] = vec4<f32>(0.0);
     if COLOUR {
-        for (var row = 0u; row < 3u; row++) { moves[3u * rank + row] = vec4<f32>(0.0); }
+        for (var row = 0u; row < 3u; row++) { moves[3u * index + row] = vec4<f32>(0.0); }
     }
-    let first = sums[SUMS * rank];
-    let second = sums[SUMS * rank + 1u];
+    let first = sums[SUMS * index];
+    let second = sums[SUMS * index + 1u];
     if !(first.w > 0.0) { return; }
 
-    let gaussian = gaussian_from_rank[rank];
+    let gaussian = gaussian_from_visible[index];
     let q = geometry[2u * gaussian];
     let shape = geometry[2u * gaussian + 1u];
     let p = camera_point(means[gaussian].xyz);
@@ -96,8 +96,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let bounded = abs(shape.xyz) < vec3<f32>(LOG_SCALE_LIMIT);
     let d_unit = rotation_gradient(unit, d_rotation);
     let opacity = 1.0 / (1.0 + exp(-shape.w));
-    geometry_gradients[2u * rank] = (d_unit - unit * dot(unit, d_unit)) / norm;
-    geometry_gradients[2u * rank + 1u] = vec4<f32>(
+    geometry_gradients[2u * index] = (d_unit - unit * dot(unit, d_unit)) / norm;
+    geometry_gradients[2u * index + 1u] = vec4<f32>(
         select(vec3<f32>(0.0), d_scale, bounded),
         first.z * (1.0 - opacity),
     );
@@ -105,10 +105,10 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         let d_mean = -vec2<f32>(dot(conic.xy, first.xy), dot(conic.yz, first.xy));
         let jx = camera_from_local * d_root_x;
         let jy = camera_from_local * d_root_y;
-        let depth = sums[SUMS * rank + 2u].x;
+        let depth = sums[SUMS * index + 2u].x;
         let d_point = point_gradient(p, d_mean, depth, jx, jy);
-        moves[3u * rank] = vec4<f32>(transpose(camera) * d_point, 0.0);
-        moves[3u * rank + 1u] = vec4<f32>(d_point, 0.0);
-        moves[3u * rank + 2u] = vec4<f32>(d_theta + cross(p, d_point), 0.0);
+        moves[3u * index] = vec4<f32>(transpose(camera) * d_point, 0.0);
+        moves[3u * index + 1u] = vec4<f32>(d_point, 0.0);
+        moves[3u * index + 2u] = vec4<f32>(d_theta + cross(p, d_point), 0.0);
     }
 }

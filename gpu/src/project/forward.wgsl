@@ -4,11 +4,11 @@
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> means: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> geometry: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(4) var<storage, read_write> coverage: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> features: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(5) var<storage, read_write> coverage: array<Coverage>;
 
-/// Number of hits, and which tiles of its rectangle they are if it has few.
-fn covered(splat: Splat) -> vec2<u32> {
+fn covered(splat: Splat) -> Coverage {
     let rect = tile_rect(splat);
     var found = vec2<u32>(0u);
     var at = 0u;
@@ -19,7 +19,8 @@ fn covered(splat: Splat) -> vec2<u32> {
             at += 1u;
         }
     }
-    return found;
+    let width = select(0u, rect.z - rect.x, at <= MASK_TILES);
+    return Coverage(found.x, found.y, rect.y * pass_.tiles.x + rect.x, width);
 }
 
 @compute @workgroup_size(GROUP)
@@ -27,7 +28,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         @builtin(local_invocation_index) lane: u32) {
     let gaussian = linear_thread(group, groups, lane);
     if gaussian >= pass_.count { return; }
-    coverage[gaussian] = vec2<u32>(0u);
+    coverage[gaussian] = Coverage(0u, 0u, 0u, 0u);
     let shape = geometry[2u * gaussian + 1u];
     let q = geometry[2u * gaussian];
     let p = camera_point(means[gaussian].xyz);
@@ -53,7 +54,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let conic = BITS_PER_NAT * vec3<f32>(0.5, 1.0, 0.5) * conic_of(sigma);
     let place = vec4<f32>(mean, conic.xy);
     let form = vec4<f32>(conic.z, log2(opacity), p.z, reach);
-    let splat = Splat(place, form, extent, vec2<f32>(0.0));
+    var feature = vec4<f32>(0.0);
+    if COLOUR { feature = vec4<f32>(features[gaussian].xyz, p.z); }
+    let splat = Splat(place, form, feature, extent, vec2<f32>(0.0));
     splats[gaussian] = splat;
     coverage[gaussian] = covered(splat);
 }

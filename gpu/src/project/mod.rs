@@ -9,8 +9,9 @@
 use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
+use crate::gaussians::Head;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{PassArguments, Row, Splat};
+use crate::layout::{Coverage, PassArguments, Row, Splat};
 use crate::order::Ranks;
 use crate::shader::{Access, Constant, EXTENT, GEOMETRY, GRID, SCALES, Shader};
 use crate::tiles::Hits;
@@ -34,8 +35,8 @@ pub struct Project {
 pub struct Projected {
     /// Only of those with a hit.
     pub splats: Buffer<Splat>,
-    /// Number of hits; if few tiles come into question, a bit for each that is hit.
-    pub coverage: Buffer<[u32; 2]>,
+    /// Of all.
+    pub coverage: Buffer<Coverage>,
 }
 
 /// Gradients of one head, in the order of ranks.
@@ -77,12 +78,12 @@ pub fn shaders(tiling: Tiling, rows: usize, colour: bool) -> [Shader; 3] {
         shader(
             if colour { "project_colour" } else { "project_language" },
             vec![GRID, SCALES, GEOMETRY, EXTENT, include_str!("forward.wgsl")],
-            vec![Read, Read, Write, Write],
+            vec![Read, Read, Read, Write, Write],
         ),
         shader(
             if colour { "collect_colour" } else { "collect_language" },
             vec![GRID, include_str!("collect.wgsl")],
-            vec![Read, Read, Write, Write],
+            vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
             if colour { "project_back_colour" } else { "project_back_language" },
@@ -151,10 +152,12 @@ impl Project {
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
-        (means, geometry): (&Buffer<Row>, &Buffer<Row>),
+        (means, head): (&Buffer<Row>, &Head),
         projected: &Projected,
     ) {
-        let buffers: [&wgpu::Buffer; 4] = [means, geometry, &projected.splats, &projected.coverage];
+        let (geometry, features) = (&head.geometry.values, &head.features.values);
+        let buffers: [&wgpu::Buffer; 5] =
+            [means, geometry, features, &projected.splats, &projected.coverage];
         recorder.dispatch_threads(&self.forward, arguments, &buffers, arguments.count as usize);
     }
 
@@ -168,9 +171,16 @@ impl Project {
         gradients: &HeadGradients,
     ) {
         let HeadGradients { sums, features, moves, .. } = gradients;
-        let buffers: [&wgpu::Buffer; 4] = [&hits.slot_from_rank, records, sums, features];
+        let buffers: [&wgpu::Buffer; 6] = [
+            &ranks.visible,
+            &ranks.rank_from_visible,
+            &hits.slot_from_rank,
+            records,
+            sums,
+            features,
+        ];
         ranks.run(recorder, &self.collect, arguments, &buffers);
-        let gaussian_from_rank = ranks.gaussian_from_rank();
+        let gaussian_from_rank = &ranks.gaussian_from_visible;
         let buffers: [&wgpu::Buffer; 6] =
             [gaussian_from_rank, means, geometry, sums, moves, &gradients.geometry];
         ranks.run(recorder, &self.backward, arguments, &buffers);

@@ -11,11 +11,6 @@ fn tile_rect(splat: Splat) -> vec4<u32> {
     return vec4<u32>(vec2<u32>(low), vec2<u32>(high));
 }
 
-/// Number of tiles in a rectangle.
-fn area(rect: vec4<u32>) -> u32 {
-    return (rect.z - rect.x) * (rect.w - rect.y);
-}
-
 /// xx x^2 + xy x y + yy y^2 less a bound on its rounding error.
 fn distance_below(conic: vec3<f32>, d: vec2<f32>) -> f32 {
     let squares = conic.x * d.x * d.x + conic.z * d.y * d.y;

@@ -11,9 +11,12 @@ fn publish_hits(start: u32, end: u32, lane: u32) -> u32 {
     {
         let row = pass_.chunk * CHUNK + $row;
         var feature = vec4<f32>(0.0);
-        if row < ROWS { feature = features[gaussian * ROWS + row]; }
+        if DEPTH {
+            feature = splats[gaussian].feature;
+        } else if row < ROWS {
+            feature = features[gaussian * ROWS + row];
+        }
         feature = select(vec4<f32>(0.0), feature, abs(feature) < vec4<f32>(HUGE));
-        if DEPTH { feature.w = form.z; }
         publish(2u + $row, feature, lane);
     }
     //end

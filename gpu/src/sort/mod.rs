@@ -35,6 +35,11 @@ impl SortShape {
     /// For adapters with thousands.
     pub const MANY_THREADS: Self = Self { runs: 16_384, group: 64, bits: 5 };
 
+    /// Whether lists are better made by counting the hits of each run in each tile.
+    pub const fn counts_tiles(&self) -> bool {
+        self.runs <= Self::FEW_THREADS.runs
+    }
+
     /// Passes over keys of `bits` bits, and the bits that each takes.
     fn passes(&self, bits: u32) -> (u32, u32) {
         let passes = bits.div_ceil(self.bits).max(1);
@@ -51,6 +56,7 @@ impl SortShape {
 pub struct Sort {
     count: Kernel,
     place: Kernel,
+    place_indices: Kernel,
     scan: Scan,
     shape: SortShape,
 }
@@ -70,22 +76,24 @@ pub struct SortBuffers {
 }
 
 /// This kernel's shaders.
-pub fn shaders(shape: SortShape) -> [Shader; 2] {
+pub fn shaders(shape: SortShape) -> [Shader; 3] {
     use Access::{Read, Write};
-    let shader = |label, text, bindings| Shader {
+    let shader = |label, text, indices, bindings| Shader {
         label,
         entry: "main",
         parts: vec![text],
-        constants: vec![("SORT_GROUP", Constant::U32(shape.group))],
+        constants: vec![
+            ("SORT_GROUP", Constant::U32(shape.group)),
+            ("INDICES", Constant::Bool(indices)),
+        ],
         bindings,
     };
+    let place = include_str!("place.wgsl");
+    let placed = vec![Read, Write, Read, Read, Write, Write];
     [
-        shader("sort_count", include_str!("count.wgsl"), vec![Read, Read, Write]),
-        shader(
-            "sort_place",
-            include_str!("place.wgsl"),
-            vec![Read, Write, Read, Read, Write, Write],
-        ),
+        shader("sort_count", include_str!("count.wgsl"), false, vec![Read, Read, Write]),
+        shader("sort_place", place, false, placed.clone()),
+        shader("sort_place_indices", place, true, placed),
     ]
 }
 
@@ -116,10 +124,11 @@ impl Sort {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn with_shape(gpu: &Gpu, shape: SortShape) -> Result<Self, GpuError> {
-        let [count, place] = shaders(shape);
+        let [count, place, indices] = shaders(shape);
         Ok(Self {
             count: Kernel::new(gpu, &count)?,
             place: Kernel::new(gpu, &place)?,
+            place_indices: Kernel::new(gpu, &indices)?,
             scan: Scan::new(gpu)?,
             shape,
         })
@@ -152,6 +161,28 @@ impl Sort {
 
     /// Sorts the first `count[0]` elements, no more than there is room for.
     pub fn sort(&self, recorder: &mut Recorder<'_>, buffers: &SortBuffers, count: &wgpu::Buffer) {
+        self.passes(recorder, buffers, count, &self.place);
+    }
+
+    /// As [`Sort::sort`], with each element's place as its payload: returns where each sorted
+    /// element was.
+    pub fn sort_indices<'a>(
+        &self,
+        recorder: &mut Recorder<'_>,
+        buffers: &'a SortBuffers,
+        count: &wgpu::Buffer,
+    ) -> &'a Buffer<u32> {
+        self.passes(recorder, buffers, count, &self.place_indices);
+        &buffers.values[buffers.side()]
+    }
+
+    fn passes(
+        &self,
+        recorder: &mut Recorder<'_>,
+        buffers: &SortBuffers,
+        count: &wgpu::Buffer,
+        first: &Kernel,
+    ) {
         let SortBuffers { keys, values, table, runs, bits, .. } = buffers;
         let groups = runs.div_ceil(self.shape.group);
         for pass in 0..buffers.passes {
@@ -162,7 +193,8 @@ impl Sort {
             self.scan.exclusive(recorder, table, table.len(), &buffers.scan);
             let sides: [&wgpu::Buffer; 6] =
                 [count, table, &keys[from], &values[from], &keys[to], &values[to]];
-            recorder.dispatch(&self.place, &arguments, &sides, groups);
+            let place = if pass == 0 { first } else { &self.place };
+            recorder.dispatch(place, &arguments, &sides, groups);
         }
     }
 }

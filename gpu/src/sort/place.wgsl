@@ -1,5 +1,6 @@
 // Places the elements of each run, in order, behind all with a smaller digit and all of the same
-// digit in earlier runs: the table was scanned.
+// digit in earlier runs: the table was scanned. With INDICES the payload of an
+// element is its place.
 
 @group(0) @binding(0) var<uniform> arguments: SortArguments;
 @group(0) @binding(1) var<storage, read> total: array<u32>;
@@ -20,6 +21,10 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         let place = table[cell];
         table[cell] = place + 1u;
         sorted_keys[place] = key;
-        sorted_values[place] = values[i];
+        if INDICES {
+            sorted_values[place] = i;
+        } else {
+            sorted_values[place] = values[i];
+        }
     }
 }

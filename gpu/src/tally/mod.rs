@@ -56,7 +56,7 @@ impl Tally {
     pub fn add(&self, recorder: &mut Recorder<'_>, found: Found<'_>, statistics: &Buffer<Row>) {
         let Found { arguments, ranks, corrections, gradients, splats } = found;
         let buffers: [&wgpu::Buffer; 5] =
-            [ranks.gaussian_from_rank(), corrections, &gradients.sums, splats, statistics];
+            [&ranks.gaussian_from_visible, corrections, &gradients.sums, splats, statistics];
         ranks.run(recorder, &self.kernel, arguments, &buffers);
     }
 }

@@ -3,7 +3,7 @@
 // s = sum dL/dpower d; in units of half the picture's size, as 3D Gaussian Splatting thresholds it.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
-@group(0) @binding(1) var<storage, read> gaussian_from_rank: array<u32>;
+@group(0) @binding(1) var<storage, read> gaussian_from_visible: array<u32>;
 @group(0) @binding(2) var<storage, read> corrections: array<vec2<f32>>;
 @group(0) @binding(3) var<storage, read> sums: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> splats: array<Splat>;
@@ -12,11 +12,11 @@
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let rank = linear_thread(group, groups, lane);
-    if rank >= pass_.count || !(corrections[rank].x > 0.0) { return; }
-    let gaussian = gaussian_from_rank[rank];
+    let index = linear_thread(group, groups, lane);
+    if index >= pass_.count || !(corrections[index].x > 0.0) { return; }
+    let gaussian = gaussian_from_visible[index];
     let splat = splats[gaussian];
-    let first = sums[SUMS * rank];
+    let first = sums[SUMS * index];
     let conic = vec3<f32>(2.0 * splat.place.z, splat.place.w, 2.0 * splat.form.x) / BITS_PER_NAT;
     let d_mean = vec2<f32>(dot(conic.xy, first.xy), dot(conic.yz, first.xy));
     let norm = length(d_mean * 0.5 * vec2<f32>(pass_.size));
@@ -27,6 +27,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         max(statistics[row].z, max(splat.extent.x, splat.extent.y)),
         0.0,
     );
-    let touched = sums[SUMS * rank + 1u].w;
+    let touched = sums[SUMS * index + 1u].w;
     statistics[row + 1u] += vec4<f32>(first.w, touched, 0.0, 0.0);
 }

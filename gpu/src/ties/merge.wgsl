@@ -10,9 +10,9 @@
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let rank = linear_thread(group, groups, lane);
-    if rank >= arguments.count { return; }
-    colour[2u * rank] += arguments.even * language[2u * rank];
-    colour[2u * rank + 1u] += arguments.odd * language[2u * rank + 1u];
-    colour_sums[3u * rank].w += language_sums[2u * rank].w;
+    let index = linear_thread(group, groups, lane);
+    if index >= arguments.count { return; }
+    colour[2u * index] += arguments.even * language[2u * index];
+    colour[2u * index + 1u] += arguments.odd * language[2u * index + 1u];
+    colour_sums[3u * index].w += language_sums[2u * index].w;
 }

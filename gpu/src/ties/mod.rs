@@ -96,7 +96,7 @@ impl Tie {
         (colour, language): (&Buffer<Row>, &Buffer<Row>),
     ) {
         let buffers: [&wgpu::Buffer; 4] =
-            [ranks.gaussian_from_rank(), corrections, colour, language];
+            [&ranks.gaussian_from_visible, corrections, colour, language];
         ranks.run(recorder, &self.copy, &ties.arguments(count), &buffers);
     }
 }

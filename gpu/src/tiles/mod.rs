@@ -1,34 +1,46 @@
 //! From splats to lists: every (Gaussian, tile) pair that may matter is a hit; hits are grouped by
 //! tile and stay in depth order inside a tile.
 //!
-//! A Gaussian's hits have consecutive slots, in depth order over Gaussians; the sort carries the
-//! slot, so that the backward blend can leave one record per slot and no atomic is needed. When
-//! there are more hits than slots, the rest is dropped and [`HitCount`] says so: the pass must be
-//! repeated.
+//! A Gaussian's hits have consecutive slots, in depth order over Gaussians; lists hold slots, so that
+//! the backward blend can leave one record per slot and no atomic is needed. When there are more hits
+//! than slots, the rest is dropped and [`HitCount`] says so: the pass must be repeated.
+//!
+//! Grouping is a stable sort by tile ([`sorted`]). An adapter with few threads counts instead
+//! ([`counted`]): each thread walks over a run of hits twice, which spares writing and sorting keys.
 
 use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::{HitCount, PassArguments};
+use crate::layout::{Coverage, HitCount, PassArguments};
 use crate::order::Ranks;
 use crate::project::Projected;
 use crate::scan::ScanScratch;
-use crate::shader::{Access, EXTENT, GRID, Shader};
-use crate::sort::{Sort, SortBuffers};
+use crate::shader::{Access, Constant, GRID, Shader};
+use crate::sort::{Sort, SortShape};
 use crate::tiling::Tiling;
+
+mod counted;
+mod sorted;
 
 /// The kernels that make lists.
 pub struct Tiles {
     rank: Kernel,
-    emit: Kernel,
-    ranges: Kernel,
+    group: Group,
+}
+
+/// The two ways of grouping.
+enum Group {
+    Sorted(sorted::Sorted),
+    Counted(counted::Counted),
 }
 
 /// The lists of one head.
 pub struct Hits {
-    sort: SortBuffers,
     scan: ScanScratch,
+    group: GroupBuffers,
+    /// Which tiles each rank hits.
+    coverage_from_rank: Buffer<Coverage>,
     /// First slot of each rank; one more element than Gaussians.
     pub slot_from_rank: Buffer<u32>,
     /// Gaussian of each slot.
@@ -39,26 +51,44 @@ pub struct Hits {
     pub count: Buffer<HitCount>,
 }
 
+enum GroupBuffers {
+    Sorted(sorted::Keys),
+    Counted(counted::Table),
+}
+
+/// A view whose Gaussians are projected and ranked.
+#[derive(Clone, Copy)]
+struct View<'a> {
+    arguments: &'a PassArguments,
+    projected: &'a Projected,
+    ranks: &'a Ranks,
+    sort: &'a Sort,
+}
+
 /// This kernel's shaders.
-pub fn shaders(tiling: Tiling) -> [Shader; 3] {
-    use Access::{Read, Write};
+pub fn shaders(tiling: Tiling, shape: SortShape) -> Vec<Shader> {
+    let rank = Shader {
+        label: "tiles_rank",
+        entry: "main",
+        parts: vec![GRID, include_str!("rank.wgsl")],
+        constants: Vec::new(),
+        bindings: [[Access::Read; 3].as_slice(), &[Access::Write; 2]].concat(),
+    };
+    let group_size = ("SORT_GROUP", Constant::U32(shape.group));
+    let mut constants = tiling.constants(1, 1);
+    constants.push(group_size);
     let shader = |label, parts, bindings| Shader {
         label,
         entry: "main",
         parts,
-        constants: tiling.constants(1, 1),
+        constants: constants.clone(),
         bindings,
     };
-    [
-        shader("tiles_rank", vec![GRID, include_str!("rank.wgsl")], vec![Read, Read, Read, Write]),
-        shader(
-            "tiles_emit",
-            vec![GRID, EXTENT, include_str!("emit.wgsl")],
-            vec![Read, Read, Read, Read, Write, Write, Write, Write],
-        ),
-        shader("tiles_ranges", vec![GRID, include_str!("ranges.wgsl")], vec![Read, Read, Write]),
-    ]
+    [rank].into_iter().chain(sorted::shaders(&shader)).chain(counted::shaders(&shader)).collect()
 }
+
+/// Makes a shader from label, parts and bindings.
+type Compose<'a> = dyn Fn(&'static str, Vec<&'static str>, Vec<Access>) -> Shader + 'a;
 
 impl Hits {
     /// Room for `capacity` hits of `gaussians` Gaussians in `tiles` tiles.
@@ -71,11 +101,15 @@ impl Hits {
         capacity: usize,
         (gaussians, tiles): (usize, usize),
     ) -> Result<Self, GpuError> {
-        // One key more than tiles: the tile that does not exist.
-        let key_bits = u32::BITS - (tiles as u32).leading_zeros();
+        let group = if gpu.sort_shape().counts_tiles() {
+            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, tiles)?)
+        } else {
+            GroupBuffers::Sorted(sorted::Keys::new(gpu, sort, capacity, tiles)?)
+        };
         Ok(Self {
-            sort: sort.buffers(gpu, capacity, key_bits)?,
             scan: sort.scan().scratch(gpu, gaussians + 1)?,
+            group,
+            coverage_from_rank: Buffer::new(gpu, "coverage by rank", gaussians)?,
             slot_from_rank: Buffer::new(gpu, "slots", gaussians + 1)?,
             gaussian_from_slot: Buffer::new(gpu, "gaussian from slot", capacity)?,
             ranges: Buffer::new(gpu, "tile ranges", tiles)?,
@@ -90,15 +124,19 @@ impl Hits {
 
     /// Slots by tile, then by depth.
     pub fn slot_from_sorted(&self) -> &Buffer<u32> {
-        &self.sort.values[self.sort.side()]
+        match &self.group {
+            GroupBuffers::Sorted(keys) => keys.slot_from_sorted(),
+            GroupBuffers::Counted(table) => &table.slot_from_sorted,
+        }
     }
 
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
-        self.sort.device_bytes()
-            + self.slot_from_rank.size()
-            + self.gaussian_from_slot.size()
-            + self.ranges.size()
+        let group = match &self.group {
+            GroupBuffers::Sorted(keys) => keys.device_bytes(),
+            GroupBuffers::Counted(table) => table.device_bytes(),
+        };
+        group + self.slot_from_rank.size() + self.gaussian_from_slot.size() + self.ranges.size()
     }
 }
 
@@ -108,12 +146,13 @@ impl Tiles {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [rank, emit, ranges] = shaders(gpu.tiling());
-        Ok(Self {
-            rank: Kernel::new(gpu, &rank)?,
-            emit: Kernel::new(gpu, &emit)?,
-            ranges: Kernel::new(gpu, &ranges)?,
-        })
+        let shaders = shaders(gpu.tiling(), gpu.sort_shape());
+        let group = if gpu.sort_shape().counts_tiles() {
+            Group::Counted(counted::Counted::new(gpu, &shaders)?)
+        } else {
+            Group::Sorted(sorted::Sorted::new(gpu, &shaders)?)
+        };
+        Ok(Self { rank: kernel(gpu, &shaders, "tiles_rank")?, group })
     }
 
     /// Makes the lists of a view from projected Gaussians and their ranks.
@@ -125,27 +164,29 @@ impl Tiles {
         (hits, sort): (&Hits, &Sort),
     ) {
         let count = arguments.count as usize + 1;
-        let gaussian_from_rank = ranks.gaussian_from_rank();
-        let counted: [&wgpu::Buffer; 4] =
-            [&ranks.visible, gaussian_from_rank, &projected.coverage, &hits.slot_from_rank];
+        let counted: [&wgpu::Buffer; 5] = [
+            &ranks.visible,
+            &ranks.gaussian_from_rank,
+            &projected.coverage,
+            &hits.slot_from_rank,
+            &hits.coverage_from_rank,
+        ];
         recorder.dispatch_threads(&self.rank, arguments, &counted, count);
         sort.scan().exclusive(recorder, &hits.slot_from_rank, count, &hits.scan);
-        let emitted: [&wgpu::Buffer; 8] = [
-            &projected.splats,
-            &projected.coverage,
-            gaussian_from_rank,
-            &hits.slot_from_rank,
-            &hits.sort.keys[0],
-            &hits.sort.values[0],
-            &hits.gaussian_from_slot,
-            &hits.count,
-        ];
-        ranks.run(recorder, &self.emit, arguments, &emitted);
-        sort.sort(recorder, &hits.sort, &hits.count);
-        recorder.clear(&hits.ranges);
-        let keys = &hits.sort.keys[hits.sort.side()];
-        let buffers: [&wgpu::Buffer; 3] = [&hits.count, keys, &hits.ranges];
-        let groups = std::mem::offset_of!(HitCount, groups);
-        recorder.dispatch_indirect(&self.ranges, arguments, &buffers, (&hits.count, groups));
+        let view = View { arguments, projected, ranks, sort };
+        match (&self.group, &hits.group) {
+            (Group::Sorted(sorted), GroupBuffers::Sorted(keys)) => {
+                sorted.group(recorder, view, hits, keys);
+            }
+            (Group::Counted(counted), GroupBuffers::Counted(table)) => {
+                counted.group(recorder, view, hits, table);
+            }
+            _ => unreachable!("kernels and buffers are made for the same device"),
+        }
     }
+}
+
+fn kernel(gpu: &Gpu, shaders: &[Shader], label: &str) -> Result<Kernel, GpuError> {
+    let shader = shaders.iter().find(|shader| shader.label == label);
+    Kernel::new(gpu, shader.expect("every label is a shader of this kernel"))
 }

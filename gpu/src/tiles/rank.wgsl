@@ -1,11 +1,12 @@
-// Hits of each rank, ready to be scanned; ranks that nobody sees have none, and the last element
-// becomes the total.
+// Coverage in the order of ranks, and its hits ready to be scanned; ranks that nobody sees have none,
+// and the last element becomes the total.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;
 @group(0) @binding(2) var<storage, read> gaussian_from_rank: array<u32>;
-@group(0) @binding(3) var<storage, read> coverage: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> coverage: array<Coverage>;
 @group(0) @binding(4) var<storage, read_write> slot_from_rank: array<u32>;
+@group(0) @binding(5) var<storage, read_write> coverage_from_rank: array<Coverage>;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -13,6 +14,10 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let rank = linear_thread(group, groups, lane);
     if rank > pass_.count { return; }
     var hits = 0u;
-    if rank < visible[0].count { hits = coverage[gaussian_from_rank[rank]].x; }
+    if rank < visible[0].count {
+        let covered = coverage[gaussian_from_rank[rank]];
+        coverage_from_rank[rank] = covered;
+        hits = covered.hits;
+    }
     slot_from_rank[rank] = hits;
 }

@@ -1,0 +1,16 @@
+// Where each tile's list begins and ends: after all hits were placed, a cell of the table is the end of
+// its run in its tile.
+
+@group(0) @binding(0) var<uniform> pass_: PassArguments;
+@group(0) @binding(1) var<storage, read> table: array<u32>;
+@group(0) @binding(2) var<storage, read_write> ranges: array<vec2<u32>>;
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+        @builtin(local_invocation_index) lane: u32) {
+    let tile = linear_thread(group, groups, lane);
+    if tile >= pass_.tiles.x * pass_.tiles.y { return; }
+    var first = 0u;
+    if tile > 0u { first = table[tile * TILE_RUNS - 1u]; }
+    ranges[tile] = vec2<u32>(first, table[tile * TILE_RUNS + TILE_RUNS - 1u]);
+}
