@@ -32,6 +32,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if first >= end { return; }
     var slot = walk(rank, first, end);
     for (; slot < end; slot++) {
-        visit(pass_.tiles.x * pass_.tiles.y, slot, gaussian);
+        visit(pass_.tiles.x * pass_.tiles.y, slot, gaussian_from_rank[rank]);
     }
 }
