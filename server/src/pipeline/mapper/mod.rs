@@ -75,6 +75,7 @@ pub(super) fn spawn(
         language_in_flight: 0,
         steps_left: 0,
         steps_done: 0,
+        ordered_len: 0,
         revision: 0,
         changed: false,
         published_at: Instant::now(),
@@ -105,6 +106,8 @@ struct Mapper {
     /// Optimiser steps that the keyframes so far have earned and not yet had.
     steps_left: usize,
     steps_done: usize,
+    /// Size of the map when it was last brought into spatial order.
+    ordered_len: usize,
     revision: u64,
     changed: bool,
     published_at: Instant,

@@ -1,42 +1,50 @@
-//! Removal of Gaussians that show nothing, or too much.
+//! Removal of Gaussians that show nothing, or too much, and their order in memory. All on the device:
+//! the map does not come to the host for it.
 
-use super::Mapper;
-use lexsplat_gpu::{GpuError, HostGaussians};
+use super::{Mapper, MapperConfig};
+use lexsplat_gpu::{DensifyRules, GpuError};
+
+/// The map is brought into spatial order again when it has grown by this factor.
+const GROWTH_TO_REORDER: f64 = 1.3;
 
 impl Mapper {
     /// Removes Gaussians that are transparent in **both** heads (paper §4.3), too large, or not finite.
     pub(super) fn prune(&mut self) -> Result<(), GpuError> {
         self.renderer.settle(&mut self.gaussians)?;
-        let host = self.gaussians.to_host()?;
-        let keep = worth_keeping(&host, self.config.prune_opacity, self.config.prune_scale_metres);
-        let removed = keep.iter().filter(|keep| !**keep).count();
-        if removed > 0 {
-            self.gaussians.retain(&keep)?;
-            tracing::debug!(map = self.map.name(), removed, "pruned");
+        let counts = self.gaussians.densify(&rules(&self.config))?;
+        if counts.pruned > 0 {
+            tracing::debug!(map = self.map.name(), removed = counts.pruned, "pruned");
+        }
+        if self.gaussians.len() as f64 > GROWTH_TO_REORDER * self.ordered_len as f64 {
+            self.gaussians.reorder_morton()?;
+            self.ordered_len = self.gaussians.len();
         }
         Ok(())
     }
 }
 
-fn worth_keeping(host: &HostGaussians, opacity: f32, scale_metres: f32) -> Vec<bool> {
-    let logit = (opacity / (1.0 - opacity)).ln();
-    let log_scale = scale_metres.ln();
-    (0..host.means.len())
-        .map(|at| {
-            let shows = host.colour.opacity_logits[at] >= logit
-                || host.language.opacity_logits[at] >= logit;
-            let fits = host.colour.log_scales[at].iter().all(|scale| *scale <= log_scale);
-            shows && fits && host.means[at].iter().all(|metres| metres.is_finite())
-        })
-        .collect()
+/// Prunes and gives no births: the mapper inserts by need instead.
+fn rules(config: &MapperConfig) -> DensifyRules {
+    DensifyRules {
+        min_gradient: f32::INFINITY,
+        clone_scale: config.prune_scale_metres,
+        min_opacity: config.prune_opacity,
+        max_scale: Some(config.prune_scale_metres),
+        either_head: false,
+        max_radius: None,
+        max_gaussians: config.max_gaussians,
+        seed: 0,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lexsplat_gpu::HostHead;
+    use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, HostHead};
 
-    fn one(colour: f32, language: f32, log_scale: f32, x: f32) -> HostGaussians {
+    /// Whether a Gaussian with these opacity logits, log scale and place stays.
+    fn stays([colour, language]: [f32; 2], log_scale: f32, x: f32) -> bool {
+        let gpu = Gpu::new(None).expect("these tests need a vulkan adapter");
         let head = |opacity_logit, channels| HostHead {
             rotations: vec![[1.0, 0.0, 0.0, 0.0]],
             log_scales: vec![[log_scale; 3]],
@@ -44,26 +52,28 @@ mod tests {
             features: vec![0.0; channels],
             channels,
         };
-        HostGaussians {
+        let one = HostGaussians {
             means: vec![[x, 0.0, 1.0]],
             colour: head(colour, 3),
             language: head(language, 15),
-        }
+        };
+        let mut map = Gaussians::new(&gpu, 15);
+        map.append(&one).expect("fits");
+        map.densify(&rules(&MapperConfig::default())).expect("prunes");
+        !map.is_empty()
     }
 
     #[test]
     fn goes_only_when_both_heads_are_transparent() {
-        let keep =
-            |colour, language| worth_keeping(&one(colour, language, -4.0, 0.0), 0.05, 0.6)[0];
-        assert!(keep(2.0, -9.0), "the colour head still shows");
-        assert!(keep(-9.0, 2.0), "the language head still shows");
-        assert!(!keep(-9.0, -9.0), "neither shows");
+        assert!(stays([2.0, -9.0], -4.0, 0.0), "the colour head still shows");
+        assert!(stays([-9.0, 2.0], -4.0, 0.0), "the language head still shows");
+        assert!(!stays([-9.0, -9.0], -4.0, 0.0), "neither shows");
     }
 
     #[test]
     fn goes_when_huge_or_nowhere() {
-        assert!(!worth_keeping(&one(2.0, 2.0, 0.0, 0.0), 0.05, 0.6)[0], "one metre long");
-        assert!(!worth_keeping(&one(2.0, 2.0, -4.0, f32::NAN), 0.05, 0.6)[0], "nowhere");
-        assert!(worth_keeping(&one(2.0, 2.0, -4.0, 1.0), 0.05, 0.6)[0], "and this one stays");
+        assert!(!stays([2.0, 2.0], 0.0, 0.0), "one metre long");
+        assert!(!stays([2.0, 2.0], -4.0, f32::NAN), "nowhere");
+        assert!(stays([2.0, 2.0], -4.0, 1.0), "and this one stays");
     }
 }
