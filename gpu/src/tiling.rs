@@ -69,7 +69,8 @@ impl Tiling {
             ("BATCH", batch),
             ("PUBLISHED", published),
             ("LEFT", left.max(1)),
-            ("STEPS", self.lanes.ilog2()),
+            ("FOLDS", batch.ilog2()),
+            ("STEPS", self.lanes.ilog2() - batch.ilog2()),
         ]
         .map(|(name, value)| (name, Constant::U32(value)))
         .to_vec()

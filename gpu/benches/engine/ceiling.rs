@@ -3,7 +3,7 @@
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::kernel::{Kernel, Recorder};
 use lexsplat_gpu::layout::{ArrayArguments, Row, Splat};
-use lexsplat_gpu::shader::{Access, GRID, Shader, TILE};
+use lexsplat_gpu::shader::{Access, Constant, GRID, Shader, TILE};
 use lexsplat_gpu::{Gpu, GpuError};
 
 use crate::best;
@@ -34,7 +34,7 @@ pub fn rate(gpu: &Gpu) -> Result<f64, GpuError> {
         label: "ceiling",
         entry: "main",
         parts: vec![GRID, tiling.part(), TILE, include_str!("ceiling.wgsl")],
-        constants: tiling.constants(3, 0),
+        constants: [&tiling.constants(3, 0)[..], &[("DESCENDING", Constant::Bool(false))]].concat(),
         bindings: vec![Access::Read, Access::Read, Access::Write],
     };
     let kernel = Kernel::new(gpu, &shader)?;

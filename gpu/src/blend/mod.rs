@@ -78,6 +78,7 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
             ("ROWS", Constant::U32(rows as u32)),
             ("CHUNK", Constant::U32(chunk)),
             ("DEPTH", Constant::Bool(depth)),
+            ("DESCENDING", Constant::Bool(left > 1)),
         ]
         .into_iter()
         .chain(tiling.constants(2 + chunk, left))

@@ -94,6 +94,25 @@ fn sort_is_stable_for_any_length_and_width() {
     }
 }
 
+/// The most keys that are promised; a payload that ascends among equal keys is a stable sort's.
+#[test]
+fn sort_holds_for_twenty_million_keys() {
+    let gpu = support::gpu();
+    let len = 20_000_000;
+    let keys: Vec<u32> = (0..len as u32).map(|i| i.wrapping_mul(2_654_435_761) >> 10).collect();
+    let values: Vec<u32> = (0..len as u32).collect();
+    let (sorted_keys, sorted_values) = sorted(&gpu, gpu.sort_shape(), (&keys, &values), 22);
+    let pairs = || sorted_keys.iter().zip(&sorted_values);
+    assert!(
+        pairs().all(|(key, value)| keys[*value as usize] == *key),
+        "payloads follow their keys"
+    );
+    let in_order = |(a, b): (_, _)| a < b;
+    assert!(pairs().zip(pairs().skip(1)).all(in_order), "keys ascend, and payloads of equal keys");
+    assert!(sorted_keys.windows(2).any(|pair| pair[0] == pair[1]), "there are equal keys");
+    assert!(!keys.iter().zip(&values).zip(keys.iter().zip(&values).skip(1)).all(in_order));
+}
+
 #[test]
 fn an_unstable_order_is_noticed() {
     let gpu = support::gpu();
