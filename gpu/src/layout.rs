@@ -75,8 +75,6 @@ constants! {
     GROUPS_PER_AXIS: u32 = 65_535;
     /// Elements that one thread sums or scans.
     RUN: u32 = 64;
-    /// Runs into which hits are cut where tiles are counted, not sorted.
-    TILE_RUNS: u32 = 32;
     /// Tiles whose test results fit into the mask of a Gaussian.
     MASK_TILES: u32 = 32;
     /// Gaussians nearer than this, in metres, are not drawn.
@@ -162,9 +160,9 @@ structs! {
         capacity: u32 => "u32",
         /// Which part of the feature's rows is blended.
         chunk: u32 => "u32",
+        /// Runs into which hits are cut where tiles are counted, not sorted.
+        runs: u32 => "u32",
         /// Fills the struct to 112 bytes.
-        unused: u32 => "u32",
-        /// Likewise.
         spare: [u32; 2] => "vec2<u32>",
     }
     /// A Gaussian as one camera sees it: alpha = 2^(level - xx dx^2 - xy dx dy - yy dy^2) at an
@@ -386,6 +384,12 @@ structs! {
         unused: [u32; 2] => "vec2<u32>",
     }
 }
+
+/// Turns that one loop of a kernel may take. Mesa's llvmpipe ends loops without a word after 65,535
+/// turns of all loops of a thread together.
+pub const LONGEST_LOOP: usize = 1 << 14;
+/// Most tiles of a picture, for the same reason: a thread may walk over all of them.
+pub const MAX_TILES: usize = 60_000;
 
 /// Rows that hold `channels` values.
 pub const fn rows_for(channels: usize) -> usize {

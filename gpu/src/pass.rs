@@ -6,11 +6,11 @@
 use crate::blend::{Blend, Lists, record_rows};
 use crate::buffer::Buffer;
 use crate::camera::Camera;
-use crate::device::Gpu;
+use crate::device::{Gpu, Tier};
 use crate::error::GpuError;
 use crate::gaussians::{Gaussians, Head, Parameters};
 use crate::kernel::Recorder;
-use crate::layout::{HitCount, PassArguments, PixelState, Row};
+use crate::layout::{HitCount, MAX_TILES, PassArguments, PixelState, Row};
 use crate::order::{Order, Ranks};
 use crate::project::{HeadGradients, Project, Projected};
 use crate::sort::Sort;
@@ -163,6 +163,10 @@ impl Pass {
         let (map, pixels) = (gaussians.capacity(), camera.pixels());
         let [columns, rows] = camera.tiles(gpu.tiling());
         let tiles = columns as usize * rows as usize;
+        if gpu.tier() == Tier::Software && tiles > MAX_TILES {
+            let (limit, found, needed) = ("tiles of a picture", MAX_TILES as u64, tiles as u64);
+            return Err(GpuError::Limit { limit, found, needed });
+        }
         let fits = self.scratch.as_ref().is_some_and(|s| {
             s.projected.splats.len() == map
                 && s.hits.capacity() == self.hit_capacity

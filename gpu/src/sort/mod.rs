@@ -12,7 +12,7 @@ use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::SortArguments;
+use crate::layout::{LONGEST_LOOP, SortArguments};
 use crate::scan::{Scan, ScanScratch};
 use crate::shader::{Access, Constant, Shader};
 
@@ -46,9 +46,11 @@ impl SortShape {
         (passes, bits.div_ceil(passes).max(1))
     }
 
-    /// Runs for up to `capacity` elements.
+    /// Runs for up to `capacity` elements: not too short, and none longer than [`LONGEST_LOOP`].
     fn runs_for(&self, capacity: usize) -> u32 {
-        self.runs.min(capacity.div_ceil(16).next_multiple_of(self.group as usize) as u32)
+        let whole_groups = |runs: usize| runs.next_multiple_of(self.group as usize) as u32;
+        let most = whole_groups(capacity.div_ceil(16));
+        self.runs.min(most).max(whole_groups(capacity.div_ceil(LONGEST_LOOP)))
     }
 }
 
@@ -201,7 +203,18 @@ impl Sort {
 
 #[cfg(test)]
 mod tests {
-    use super::SortShape;
+    use super::{LONGEST_LOOP, SortShape};
+
+    #[test]
+    fn no_run_is_longer_than_a_loop_may_be() {
+        for shape in [SortShape::FEW_THREADS, SortShape::MANY_THREADS] {
+            for capacity in [1, 1000, 1 << 20, 20_000_000] {
+                let runs = shape.runs_for(capacity);
+                assert!(capacity.div_ceil(runs as usize) <= LONGEST_LOOP, "{capacity}: {runs}");
+                assert!(runs.is_multiple_of(shape.group));
+            }
+        }
+    }
 
     #[test]
     fn passes_cover_all_bits_with_digits_that_fit() {

@@ -11,6 +11,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let tile = linear_thread(group, groups, lane);
     if tile >= pass_.tiles.x * pass_.tiles.y { return; }
     var first = 0u;
-    if tile > 0u { first = table[tile * TILE_RUNS - 1u]; }
-    ranges[tile] = vec2<u32>(first, table[tile * TILE_RUNS + TILE_RUNS - 1u]);
+    if tile > 0u { first = table[tile * pass_.runs - 1u]; }
+    ranges[tile] = vec2<u32>(first, table[tile * pass_.runs + pass_.runs - 1u]);
 }

@@ -1,4 +1,4 @@
-// Hits of each run in each tile: table[tile * TILE_RUNS + run], zero before. Counts all hits.
+// Hits of each run in each tile: table[tile * runs + run], zero before. Counts all hits.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -11,7 +11,7 @@
 var<private> own_run: u32;
 
 fn visit(tile: u32, slot: u32, gaussian: u32) {
-    table[tile * TILE_RUNS + own_run] += 1u;
+    table[tile * pass_.runs + own_run] += 1u;
 }
 
 @compute @workgroup_size(SORT_GROUP)
@@ -22,5 +22,5 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         let drawn = min(wanted, pass_.capacity);
         count[0] = HitCount(drawn, wanted, groups_for(drawn));
     }
-    if own_run < TILE_RUNS { walk_run(own_run); }
+    if own_run < pass_.runs { walk_run(own_run); }
 }

@@ -5,10 +5,13 @@ use crate::buffer::Buffer;
 use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
-use crate::layout::TILE_RUNS;
+use crate::layout::{LONGEST_LOOP, PassArguments};
 use crate::scan::ScanScratch;
 use crate::shader::{Access, EXTENT, GRID, Shader};
 use crate::sort::Sort;
+
+/// Runs into which hits are cut, at least.
+const FEWEST_RUNS: usize = 32;
 
 /// The kernels.
 pub(super) struct Counted {
@@ -20,6 +23,7 @@ pub(super) struct Counted {
 
 /// Hits of each run in each tile, then where they go.
 pub(super) struct Table {
+    runs: u32,
     cells: Buffer<u32>,
     scan: ScanScratch,
     /// Slots by tile, then by depth.
@@ -45,10 +49,18 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 3] {
 }
 
 impl Table {
-    /// Room for `capacity` hits in `tiles` tiles.
-    pub fn new(gpu: &Gpu, sort: &Sort, capacity: usize, tiles: usize) -> Result<Self, GpuError> {
-        let cells = tiles * TILE_RUNS as usize;
+    /// Room for `capacity` hits of `gaussians` Gaussians in `tiles` tiles.
+    pub fn new(
+        gpu: &Gpu,
+        sort: &Sort,
+        capacity: usize,
+        (gaussians, tiles): (usize, usize),
+    ) -> Result<Self, GpuError> {
+        let longest = capacity.max(gaussians);
+        let runs = longest.div_ceil(LONGEST_LOOP).max(FEWEST_RUNS);
+        let cells = tiles * runs;
         Ok(Self {
+            runs: runs as u32,
             cells: Buffer::new(gpu, "tile table", cells)?,
             scan: sort.scan().scratch(gpu, cells)?,
             slot_from_sorted: Buffer::new(gpu, "slot from sorted", capacity)?,
@@ -72,7 +84,8 @@ impl Counted {
 
     pub fn group(&self, recorder: &mut Recorder<'_>, view: View<'_>, hits: &Hits, table: &Table) {
         let View { arguments, projected, ranks, sort } = view;
-        let groups = TILE_RUNS.div_ceil(self.group);
+        let groups = table.runs.div_ceil(self.group);
+        let arguments = &PassArguments { runs: table.runs, ..*arguments };
         let walked: [&wgpu::Buffer; 4] = [
             &projected.splats,
             &hits.coverage_from_rank,
@@ -86,7 +99,7 @@ impl Counted {
         recorder.dispatch(&self.count, arguments, &buffers, groups);
         let [columns, rows] = arguments.tiles;
         let tiles = (columns * rows) as usize;
-        let cells = tiles * TILE_RUNS as usize;
+        let cells = tiles * table.runs as usize;
         sort.scan().exclusive(recorder, &table.cells, cells, &table.scan);
         let buffers: [&wgpu::Buffer; 7] = [
             splats,

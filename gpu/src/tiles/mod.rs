@@ -102,7 +102,7 @@ impl Hits {
         (gaussians, tiles): (usize, usize),
     ) -> Result<Self, GpuError> {
         let group = if gpu.sort_shape().counts_tiles() {
-            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, tiles)?)
+            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, (gaussians, tiles))?)
         } else {
             GroupBuffers::Sorted(sorted::Keys::new(gpu, sort, capacity, tiles)?)
         };

@@ -12,8 +12,8 @@
 var<private> own_run: u32;
 
 fn visit(tile: u32, slot: u32, gaussian: u32) {
-    let place = table[tile * TILE_RUNS + own_run];
-    table[tile * TILE_RUNS + own_run] = place + 1u;
+    let place = table[tile * pass_.runs + own_run];
+    table[tile * pass_.runs + own_run] = place + 1u;
     slot_from_sorted[place] = slot;
     gaussian_from_slot[slot] = gaussian;
 }
@@ -21,5 +21,5 @@ fn visit(tile: u32, slot: u32, gaussian: u32) {
 @compute @workgroup_size(SORT_GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     own_run = group.x * SORT_GROUP + lane;
-    if own_run < TILE_RUNS { walk_run(own_run); }
+    if own_run < pass_.runs { walk_run(own_run); }
 }

@@ -12,7 +12,7 @@ fn rank_at(slot: u32) -> u32 {
 /// Visits all hits of a run: of the ranks whose hits begin in its share of the slots.
 fn walk_run(run: u32) {
     let drawn = min(slot_from_rank[pass_.count], pass_.capacity);
-    let length = (drawn + TILE_RUNS - 1u) / TILE_RUNS;
+    let length = (drawn + pass_.runs - 1u) / pass_.runs;
     let last = rank_at(min(run * length + length, drawn));
     for (var rank = rank_at(min(run * length, drawn)); rank < last; rank++) {
         let first = slot_from_rank[rank];

@@ -312,3 +312,27 @@ fn everything_may_move_to_another_thread() {
     send::<Gaussians>();
     send::<Renderer>();
 }
+
+/// One Gaussian over a picture of very many tiles: no loop of a kernel ends early. The software
+/// adapter refuses what it cannot walk over.
+#[test]
+fn a_gaussian_may_cover_every_tile() {
+    let gpu = support::gpu();
+    let mut renderer = Renderer::new(&gpu, 3).expect("compiles");
+    let mut scene = support::scene(20, 1, 3, 0.1);
+    let camera = Camera {
+        camera_from_world: nalgebra::Isometry3::identity(),
+        ..support::camera(2048, 1536)
+    };
+    scene.means[0] = camera.unproject(1000.0, 800.0, 2.0).into();
+    scene.colour.log_scales[0] = [4.0; 3];
+    scene.colour.opacity_logits[0] = 0.0;
+    let image = renderer.render_colour(&map(&gpu, &scene), &camera).expect("renders");
+    let least = image.opacity.iter().copied().fold(1.0, f32::min);
+    assert!(least > 0.49, "opaque all over: {least}");
+    let huge = Camera { width: 4096, height: 2160, ..camera };
+    match renderer.render_colour(&map(&gpu, &scene), &huge) {
+        Ok(image) => assert!(image.opacity.iter().all(|opacity| *opacity > 0.4)),
+        Err(error) => assert!(matches!(error, GpuError::Limit { .. }), "{error}"),
+    }
+}
