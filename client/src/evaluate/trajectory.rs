@@ -154,7 +154,7 @@ mod tests {
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
         close(found.rmse_cm, 2.407_858_234_713_646_7);
         close(found.mean_cm, 2.346_811_812_806_671_3);
-        close(found.median_cm, 2.421_681_069_680_200_4);
+        close(found.median_cm, 2.421_680_669_820_041);
         close(found.max_cm, 3.208_482_474_705_480_5);
         assert_eq!(found.frames, 40);
     }
