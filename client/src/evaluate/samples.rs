@@ -1,5 +1,5 @@
-//! A few pictures to look at: target, render and heat map of the best and the worst class, and target
-//! and render of the best and the worst held-out view. In: scores. Out: pictures side by side.
+//! A few pictures to look at: target, render and heat map of the best class in its best frame and the
+//! worst class in its worst, and target and render of the best and the worst held-out view. In: scores. Out: pictures side by side.
 
 use super::language::{LabelScore, Language, SMOOTHING};
 use super::recorded::Seen;
@@ -66,7 +66,7 @@ pub(super) async fn take(
         };
         let own: Vec<&LabelScore> =
             language.scores.iter().filter(|score| score.label == class.label).collect();
-        let Some(score) = Rank::Best.of(&own, |score| score.share) else { continue };
+        let Some(score) = rank.of(&own, |score| score.average_precision) else { continue };
         let (target, render) = pair(context, score.sequence, seen).await?;
         let (_, plane) = context.relevancy(&class.label, score.sequence).await?;
         let smooth = plane.smoothed(SMOOTHING);

@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 const PREFIX: &str = "lexsplat_";
 const SUM: &str = "_seconds_sum";
 const COUNT: &str = "_seconds_count";
+/// From a decoded frame to its acknowledgement, the queue included.
+pub const WITH_WAITING: &str = "frame";
 const PEAK_MEMORY: &str = "process_peak_resident_memory_bytes";
 
 /// How long a stage took.

@@ -2,7 +2,7 @@
 
 mod canvas;
 
-use super::stages::Stage;
+use super::stages::{Stage, WITH_WAITING};
 use super::trajectory::{StampedPose, align};
 use super::views::ViewScore;
 use canvas::Canvas;
@@ -51,7 +51,7 @@ pub fn trajectory(pairs: &[[StampedPose; 2]]) -> Option<RgbImage> {
     let [x, y] = equal_scales(lines.iter().flatten());
     Some(drawn("trajectory from above, metres (grey: truth, red: estimate)", x, y, |chart| {
         let mut mesh = chart.configure_mesh();
-        mesh.label_style(FONT).x_desc("m").y_desc("m").draw()?;
+        mesh.label_style(FONT).light_line_style(WHITE).x_desc("m").y_desc("m").draw()?;
         let side = |at: usize| lines.iter().map(move |pair| pair[at]);
         chart.draw_series(LineSeries::new(side(1), TRUTH.stroke_width(5)))?;
         chart.draw_series(LineSeries::new(side(0), FOUND.stroke_width(2)))?;
@@ -115,7 +115,12 @@ pub fn psnr(views: &[ViewScore]) -> Option<RgbImage> {
     Some(drawn("PSNR, dB, by frame (red: held out, blue: keyframes)", x, y, |chart| {
         let whole = |value: &f64| format!("{value:.0}");
         let mut mesh = chart.configure_mesh();
-        mesh.label_style(FONT).x_label_formatter(&whole).x_desc("frame").y_desc("dB").draw()?;
+        mesh.label_style(FONT)
+            .light_line_style(WHITE)
+            .x_label_formatter(&whole)
+            .x_desc("frame")
+            .y_desc("dB")
+            .draw()?;
         chart.draw_series(LineSeries::new(held_out.iter().copied(), FOUND.stroke_width(2)))?;
         let dot = |color: RGBColor| move |at: &(f64, f64)| Circle::new(*at, 4, color.filled());
         chart.draw_series(held_out.iter().map(dot(FOUND)))?;
@@ -124,11 +129,13 @@ pub fn psnr(views: &[ViewScore]) -> Option<RgbImage> {
     }))
 }
 
-/// Milliseconds of each stage per frame as bars; none if there are no stages.
+/// Milliseconds of each stage per frame as bars; none if there are no stages. What a frame takes with
+/// waiting in the queue is no stage and would dwarf them.
 pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage> {
     let per_frame = |stage: &Stage| stage.seconds * 1e3 / frames.max(1) as f64;
+    let worked = stages.iter().rev().filter(|(name, _)| *name != WITH_WAITING);
     let bars: Vec<(&str, f64)> =
-        stages.iter().rev().map(|(name, stage)| (name.as_str(), per_frame(stage))).collect();
+        worked.map(|(name, stage)| (name.as_str(), per_frame(stage))).collect();
     let longest = bars.iter().map(|bar| bar.1).fold(0.0, f64::max);
     if bars.is_empty() {
         return None;
@@ -136,7 +143,12 @@ pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage>
     let (x, y) = (0.0..longest.max(1e-3) * 1.3, 0.0..bars.len() as f64);
     Some(drawn("stages, ms per frame (they run beside each other)", x, y, |chart| {
         let mut mesh = chart.configure_mesh();
-        mesh.label_style(FONT).disable_y_mesh().y_labels(0).x_desc("ms per frame").draw()?;
+        mesh.label_style(FONT)
+            .light_line_style(WHITE)
+            .disable_y_mesh()
+            .y_labels(0)
+            .x_desc("ms per frame")
+            .draw()?;
         let inside = |at: usize| at as f64 + 0.25..at as f64 + 0.75;
         chart.draw_series(bars.iter().enumerate().map(|(at, (_, length))| {
             let Range { start, end } = inside(at);
@@ -229,9 +241,9 @@ mod tests {
         assert!(psnr(&[]).is_none());
         let stage = |seconds| Stage { count: 1, seconds, mean_ms: 0.0 };
         let both = [("a".to_owned(), stage(1.0)), ("b".to_owned(), stage(2.0))].into();
-        let one = [("b".to_owned(), stage(2.0))].into();
+        let one = [("b".to_owned(), stage(2.0)), (WITH_WAITING.to_owned(), stage(9.0))].into();
         let bars = |of: &BTreeMap<String, Stage>| count(&stages(of, 10).unwrap(), KEYFRAME);
-        assert!(bars(&both) > 1000 && bars(&one) > 1000);
+        assert!(bars(&both) > 1000 && 10 * bars(&one) > 12 * bars(&both), "waiting is no bar");
         assert!(stages(&BTreeMap::new(), 10).is_none());
     }
 

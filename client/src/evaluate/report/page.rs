@@ -30,8 +30,14 @@ pub(super) fn markdown(report: &Report, pictures: &[(String, String)]) -> String
         line(
             &mut page,
             format_args!(
-                "\nATE over {} frames: RMSE {:.3} cm, mean {:.3}, median {:.3}, greatest {:.3}.",
-                ate.frames, ate.rmse_cm, ate.mean_cm, ate.median_cm, ate.max_cm
+                "\nATE over {} of {} tracked frames: RMSE {:.3} cm, mean {:.3}, median {:.3}, \
+                 greatest {:.3}.",
+                ate.frames,
+                report.frames_tracked,
+                ate.rmse_cm,
+                ate.mean_cm,
+                ate.median_cm,
+                ate.max_cm
             ),
         );
     }
