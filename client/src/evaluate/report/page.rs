@@ -119,8 +119,10 @@ fn stages(report: &Report) -> String {
 fn protocol(report: &Report) -> String {
     let mut page = format!(
         "\n## How it was measured\n\n\
-         - **Speed**: frames over the time from the opening of the stream to the last \
-         acknowledgement, reading (or rendering) the data set and language included.\n\
+         - **Speed**: *acknowledged* is from the opening of the stream to the last \
+         acknowledgement, reading (or rendering) the data set included: a frame is acknowledged when \
+         it is tracked, its optimisation and language may still wait. *All work done* adds the time \
+         until the map had settled, language included.\n\
          - **ATE**: all tracked frames, rigid alignment (Umeyama, no scale), distances of \
          positions; lost frames do not count and are given apart. The paper counts keyframes only.\n\
          - **Held out**: every {HELD_OUT_EVERY}th of the tracked frames that are no keyframe ({}), \
