@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod dataset;
+pub mod evaluate;
 pub mod http;
 pub mod npy;
 pub mod overlay;

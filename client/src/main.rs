@@ -17,6 +17,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Demo(command::demo::Demo),
+    Evaluate(command::evaluate::Evaluate),
     Export(command::export::Export),
     Query(command::query::Query),
     Stream(command::stream::Stream),
@@ -26,6 +27,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Demo(arguments) => command::wait(command::demo::run(&arguments)),
+        Command::Evaluate(arguments) => command::wait(command::evaluate::run(&arguments)),
         Command::Export(arguments) => command::wait(command::export::run(&arguments)),
         Command::Query(arguments) => command::wait(command::query::run(&arguments)),
         Command::Stream(arguments) => command::wait(command::stream::run(&arguments)),

@@ -18,6 +18,8 @@ pub const RENDER_SECONDS: &str = "lexsplat_render_seconds";
 pub const DECODE_SECONDS: &str = "lexsplat_decode_seconds";
 /// Histogram: seconds from a decoded frame to its acknowledgement, waiting in the queue included.
 pub const FRAME_SECONDS: &str = "lexsplat_frame_seconds";
+/// Histogram: seconds that the networks took for a keyframe.
+pub const LANGUAGE_SECONDS: &str = "lexsplat_language_seconds";
 /// Counter: frames that did not pass the checks, by `field`.
 pub const REFUSED: &str = "lexsplat_refused_total";
 /// Gauge: streams that are open.
@@ -93,6 +95,7 @@ fn describe() {
         FRAME_SECONDS,
         "Seconds from a decoded frame to its acknowledgement"
     );
+    metrics::describe_histogram!(LANGUAGE_SECONDS, "Seconds that the networks took for a keyframe");
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
     metrics::describe_gauge!(STREAMS, "Streams that are open");
 }

@@ -3,5 +3,6 @@
 mod backpressure;
 mod bad_input;
 mod end_to_end;
+mod evaluate;
 mod outside;
 mod shutdown;

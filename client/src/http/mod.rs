@@ -2,11 +2,12 @@
 //! In: addresses, names, questions. Out: typed answers, bytes, or an error that is one line.
 //! It computes nothing and writes no file.
 
+mod settle;
 mod wire;
 
 pub use wire::{
-    Answer, Camera, FrameView, HeatmapLink, Keyframe, Object, Peak, PixelBox, PointsLink, Question,
-    Rle, Status, Timing,
+    Answer, Camera, FrameView, Health, HeatmapLink, Keyframe, Object, Peak, PixelBox, PointsLink,
+    Question, Rle, Status, Timing,
 };
 
 use crate::npy::{self, Array};
@@ -36,6 +37,18 @@ pub enum HttpError {
         status: u16,
         /// What was expected and found.
         detail: String,
+    },
+    /// The map takes no more frames.
+    #[error("the map failed: {reason}")]
+    MapFailed {
+        /// What its status says.
+        reason: String,
+    },
+    /// The map does not go on.
+    #[error("the map has not changed for {seconds} s and is not settled")]
+    Stalled {
+        /// How long it was watched.
+        seconds: u64,
     },
     /// The connection broke, or the answer is not what was announced.
     #[error("{address} answered badly: {reason}")]
@@ -90,6 +103,23 @@ impl HttpClient {
     /// Every [`HttpError`] but `Address`; so it is for all that ask.
     pub async fn status(&self, map: &str) -> Result<Status, HttpError> {
         self.json(self.client.get(self.url(map, &[]))).await
+    }
+
+    /// The server's adapter and networks.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn health(&self) -> Result<Health, HttpError> {
+        self.json(self.client.get(self.path(&["healthz"]))).await
+    }
+
+    /// The server's numbers as Prometheus text.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn metrics(&self) -> Result<String, HttpError> {
+        let bytes = self.bytes(self.client.get(self.path(&["metrics"]))).await?;
+        String::from_utf8(bytes).map_err(|error| self.broken(error.to_string()))
     }
 
     /// The map's keyframes.
@@ -149,6 +179,18 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["render"])).query(&[("frame", frame)])).await
     }
 
+    /// The depth that the map shows from a tracked frame, `[height, width]` metres, 0 where nothing is.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn render_depth(&self, map: &str, sequence: u64) -> Result<Array, HttpError> {
+        let frame = sequence.to_string();
+        let options = [("frame", frame.as_str()), ("channel", "depth")];
+        let request = self.client.get(self.url(map, &["render"])).query(&options);
+        let file = self.bytes(request.header(header::ACCEPT, "application/x-npy")).await?;
+        npy::read(&file).map_err(|error| self.broken(error.to_string()))
+    }
+
     /// Every tracked frame's pose as TUM text.
     ///
     /// # Errors
@@ -178,11 +220,12 @@ impl HttpClient {
     }
 
     fn url(&self, map: &str, rest: &[&str]) -> Url {
+        self.path(&[&["v1", "maps", map], rest].concat())
+    }
+
+    fn path(&self, segments: &[&str]) -> Url {
         let mut url = self.base.clone();
-        url.path_segments_mut()
-            .expect("an http address has a path")
-            .extend(["v1", "maps", map])
-            .extend(rest);
+        url.path_segments_mut().expect("an http address has a path").extend(segments);
         url
     }
 

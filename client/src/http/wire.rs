@@ -15,6 +15,9 @@ pub struct Question {
     /// Relevancy above which something counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f32>,
+    /// Side of the mean filter over the heat map, pixels; 0 is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<u32>,
 }
 
 impl Question {
@@ -179,10 +182,16 @@ pub struct Status {
     pub frames_received: u64,
     /// Frames with a pose.
     pub frames_tracked: u64,
+    /// Frames without.
+    #[serde(default)]
+    pub frames_lost: u64,
     /// Frames in the map.
     pub keyframes: u64,
     /// Gaussians in the map.
     pub gaussians: u64,
+    /// Device memory of the map.
+    #[serde(default)]
+    pub gpu_bytes: u64,
     /// Frames that wait.
     pub queue_depth: u64,
     /// Nothing waits and the mapper has done its work on what it has.
@@ -190,6 +199,17 @@ pub struct Status {
     /// Why the map takes no more frames, if so.
     #[serde(default)]
     pub failure: Option<String>,
+}
+
+/// The server as it is.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+pub struct Health {
+    /// What it renders on.
+    pub adapter: String,
+    /// Which networks it has.
+    pub bundle: String,
+    /// Its version.
+    pub version: String,
 }
 
 /// Pinhole intrinsics, pixels; the centre of the top-left pixel is (0, 0).

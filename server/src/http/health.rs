@@ -66,8 +66,30 @@ pub(super) async fn metrics(state: State) -> impl IntoResponse {
     let recorder = telemetry::recorder();
     recorder.run_upkeep();
     let statuses: Vec<MapStatus> = state.engine.maps().iter().map(|map| map.status()).collect();
-    let text = recorder.render() + &of_maps(&statuses);
+    let text = recorder.render() + &of_maps(&statuses) + &of_process();
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text)
+}
+
+/// Lines of `/proc/self/status`, and what Prometheus calls them.
+const OF_PROCESS: [(&str, &str, &str); 2] = [
+    ("VmRSS:", "process_resident_memory_bytes", "Memory that the process has"),
+    ("VmHWM:", "process_peak_resident_memory_bytes", "The most memory that it has had"),
+];
+
+/// The process's memory; nothing where the system does not say.
+fn of_process() -> String {
+    memory(&std::fs::read_to_string("/proc/self/status").unwrap_or_default())
+}
+
+fn memory(status: &str) -> String {
+    let kibibytes = |line: &str, key: &str| -> Option<u64> {
+        line.strip_prefix(key)?.trim().strip_suffix("kB")?.trim().parse().ok()
+    };
+    let number = |(key, name, meaning): &(&str, &str, &str)| {
+        let bytes = status.lines().find_map(|line| kibibytes(line, key))? << 10;
+        Some(format!("# HELP {name} {meaning}\n# TYPE {name} gauge\n{name} {bytes}\n"))
+    };
+    OF_PROCESS.iter().filter_map(number).collect()
 }
 
 type Number = fn(&MapStatus) -> u64;
@@ -109,4 +131,17 @@ fn of_maps(statuses: &[MapStatus]) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_in_bytes_and_missing_where_unknown() {
+        let text = memory("Name:\tserver\nVmHWM:\t  2048 kB\nVmRSS:\t   1024 kB\n");
+        assert!(text.contains("\nprocess_resident_memory_bytes 1048576\n"), "{text}");
+        assert!(text.contains("\nprocess_peak_resident_memory_bytes 2097152\n"), "{text}");
+        assert_eq!(memory("Name:\tserver\nVmRSS:\t many kB\n"), "");
+    }
 }

@@ -4,8 +4,9 @@
 mod ask;
 mod questions;
 mod report;
-mod server;
 
+use super::interrupted;
+use super::server::{self, Plan, Server};
 use super::stream::{progress_bar, show};
 use anyhow::{Context as _, Result, bail};
 use ask::{Asked, Asker};
@@ -14,12 +15,10 @@ use indicatif::ProgressBar;
 use lexsplat_client::dataset::{Dataset, DatasetSpec, FrameRange};
 use lexsplat_client::http::{HttpClient, Status};
 use lexsplat_client::stream::{Poses, StreamOptions, stream};
-use server::{Plan, Server};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-use tokio::signal::unix::{SignalKind, signal};
+use std::time::Duration;
 
 /// Start a server, map a data set, ask five questions and write pictures of the answers
 #[derive(clap::Args)]
@@ -58,8 +57,6 @@ pub struct Demo {
     stride: NonZeroUsize,
 }
 
-/// A map whose revision stays the same for so long does not go on.
-const STALLED: Duration = Duration::from_secs(180);
 const POLL: Duration = Duration::from_millis(250);
 
 /// Runs the command.
@@ -89,15 +86,6 @@ pub async fn run(arguments: &Demo) -> Result<()> {
         interrupted().await?;
     }
     server.stop()
-}
-
-/// Waits for Ctrl-C or SIGTERM.
-async fn interrupted() -> Result<()> {
-    let mut terminate = signal(SignalKind::terminate()).context("cannot wait for SIGTERM")?;
-    tokio::select! {
-        pressed = tokio::signal::ctrl_c() => pressed.context("cannot wait for Ctrl-C"),
-        _ = terminate.recv() => Ok(()),
-    }
 }
 
 async fn show_all(
@@ -159,27 +147,15 @@ async fn map_it(grpc: &str, map: &str, dataset: Arc<dyn Dataset>) -> Result<Stri
 async fn settle(client: &HttpClient, map: &str) -> Result<Status> {
     let bar = ProgressBar::new_spinner();
     bar.enable_steady_tick(POLL);
-    let mut last = (0, Instant::now());
-    loop {
-        let status = client.status(map).await?;
-        if let Some(failure) = status.failure {
-            bail!("the map failed: {failure}");
-        }
-        if status.settled {
-            bar.finish_and_clear();
-            return Ok(status);
-        }
-        if status.revision != last.0 {
-            last = (status.revision, Instant::now());
-        } else if last.1.elapsed() > STALLED {
-            bail!("the map has not changed for {STALLED:?} and is not settled");
-        }
+    let on_status = |status: &Status| {
         bar.set_message(format!(
             "the map settles: {} keyframes, {} Gaussians",
             status.keyframes, status.gaussians
         ));
-        tokio::time::sleep(POLL).await;
-    }
+    };
+    let settled = client.settled(map, on_status).await;
+    bar.finish_and_clear();
+    Ok(settled?)
 }
 
 async fn pictures(asker: &Asker<'_>, asked: &[Asked]) -> Result<Vec<RgbImage>> {

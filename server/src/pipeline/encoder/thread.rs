@@ -3,8 +3,10 @@
 use super::{LanguageConfig, LanguageMap, Vision};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::network::VisionNetworks;
+use crate::telemetry::LANGUAGE_SECONDS;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 type Reply = Box<dyn FnOnce(Result<LanguageMap, String>) + Send>;
 
@@ -68,7 +70,9 @@ impl Drop for LanguageThread {
 
 fn work(mut vision: Vision, jobs: &Receiver<Job>) {
     while let Ok(Job { frame, reply }) = jobs.recv() {
+        let started = Instant::now();
         let result = vision.run(&frame);
+        metrics::histogram!(LANGUAGE_SECONDS).record(started.elapsed());
         if let Ok(map) = &result {
             tracing::debug!(sequence = frame.sequence, timing = ?map.timing, "keyframe read");
         }

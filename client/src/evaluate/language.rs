@@ -1,0 +1,415 @@
+//! Words against masks: the 2D protocol of the paper (§5), and the same without a threshold.
+//!
+//! Labels: the [`LABELS`] classes with most pixels over every [`COUNTED_EVERY`]-th frame; walls, floor
+//! and ceiling count. Test frames: [`TEST_FRAMES`], evenly spaced over the tracked frames that are no
+//! keyframe. In each test frame each label is asked by its class name and its relevancy map is
+//! fetched unsmoothed at frame size. A label counts in frames that show it with [`LEAST_PIXELS`]; the
+//! frame's value is the mean over its labels, the scene's the mean over its frames.
+
+use super::score::{Plane, as_released, average_precision, boxes, iou};
+use super::views::mean;
+use super::{Context, EvaluateError, Step};
+use crate::dataset::{Mask, Truth};
+use crate::http::{Answer, Question};
+use serde::Serialize;
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, HashMap};
+
+/// How many classes are asked for.
+pub const LABELS: usize = 10;
+/// Classes are counted in every so many frames.
+pub const COUNTED_EVERY: usize = 5;
+/// How many frames are asked about, as in the paper.
+pub const TEST_FRAMES: usize = 21;
+/// A label with fewer pixels in a frame does not count there.
+pub const LEAST_PIXELS: usize = 60;
+/// Side of the mean filter, pixels (paper).
+pub const SMOOTHING: usize = 20;
+/// The paper's threshold.
+pub const PAPER_THRESHOLD: f32 = 0.5;
+/// Asked whether they are there, unless the scene has such a class.
+const ABSENT: [&str; 30] = [
+    "bicycle",
+    "car",
+    "horse",
+    "elephant",
+    "airplane",
+    "boat",
+    "tractor",
+    "surfboard",
+    "piano",
+    "guitar",
+    "drum",
+    "violin",
+    "bathtub",
+    "toilet",
+    "traffic light",
+    "fire hydrant",
+    "tent",
+    "wheelchair",
+    "snowman",
+    "giraffe",
+    "banana",
+    "pizza",
+    "umbrella",
+    "skateboard",
+    "tennis racket",
+    "helicopter",
+    "cactus",
+    "anchor",
+    "canoe",
+    "scissors",
+];
+
+/// One label in one frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LabelScore {
+    /// The frame.
+    pub sequence: u64,
+    /// The class.
+    pub label: String,
+    /// The label's share of the frame: what a map that knows nothing gets as average precision.
+    pub share: f64,
+    /// IoU of the pixels above 0.5.
+    pub iou_paper: f64,
+    /// IoU of the pixels above the bundle's threshold.
+    pub iou_bundle: f64,
+    /// IoU of the released script's mask.
+    pub iou_released: f64,
+    /// IoU of the pixels where this label is the most relevant of all.
+    pub iou_argmax: f64,
+    /// Whether the peak lies in a box of the label.
+    pub peak_in_box: bool,
+    /// Whether the peak lies on the label itself.
+    pub peak_on_mask: bool,
+    /// Average precision.
+    pub average_precision: f64,
+}
+
+/// Means: over a class's frames, or over frames' means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct LabelMeans {
+    /// See [`LabelScore::share`].
+    pub share: f64,
+    /// At 0.5.
+    pub miou_paper: f64,
+    /// At the bundle's threshold.
+    pub miou_bundle: f64,
+    /// Of the released script's mask.
+    pub miou_released: f64,
+    /// Closed set.
+    pub miou_argmax: f64,
+    /// Share of peaks in a box.
+    pub loc_box: f64,
+    /// Share of peaks on the thing.
+    pub loc_mask: f64,
+    /// Mean average precision.
+    pub average_precision: f64,
+}
+
+/// A class with its means.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClassScore {
+    /// The class, which was also the query.
+    pub label: String,
+    /// Test frames that show it.
+    pub frames: usize,
+    /// Over these frames.
+    #[serde(flatten)]
+    pub means: LabelMeans,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Language {
+    /// The frames asked about.
+    pub test_frames: Vec<u64>,
+    /// The threshold that a query without one gets.
+    pub bundle_threshold: f32,
+    /// Over all frames.
+    pub scene: LabelMeans,
+    /// By class, as many as were seen.
+    pub classes: Vec<ClassScore>,
+    /// Share of asked classes of which the server says that they are there.
+    pub present_accuracy: Option<f64>,
+    /// Share of nouns that are not there of which it says so.
+    pub absent_accuracy: Option<f64>,
+    /// Mean time of a question, as the asker sees it, milliseconds.
+    pub question_ms: f64,
+    /// Everything in detail.
+    pub scores: Vec<LabelScore>,
+}
+
+/// The classes with most pixels in these frames, largest first.
+pub fn most_visible(truth: &dyn Truth, frames: &[usize]) -> Result<Vec<String>, EvaluateError> {
+    let classes = classes(truth);
+    let mut pixels: HashMap<&str, usize> = HashMap::new();
+    for frame in frames {
+        for class in truth.mask(*frame)?.ids.iter().filter_map(|id| classes.get(id)) {
+            *pixels.entry(class).or_default() += 1;
+        }
+    }
+    let mut order: Vec<(&str, usize)> = pixels.into_iter().collect();
+    order.sort_by_key(|(class, pixels)| (Reverse(*pixels), *class));
+    Ok(order.into_iter().take(LABELS).map(|(class, _)| class.to_owned()).collect())
+}
+
+fn classes(truth: &dyn Truth) -> HashMap<u16, &str> {
+    truth.instances().iter().map(|thing| (thing.id, thing.class.as_str())).collect()
+}
+
+/// `count` of the given, evenly spaced, or all if there are not as many.
+pub fn spread<T: Copy>(of: &[T], count: usize) -> Vec<T> {
+    if of.len() <= count {
+        return of.to_vec();
+    }
+    (0..count).map(|i| of[(2 * i + 1) * of.len() / (2 * count)]).collect()
+}
+
+/// Which pixels show the class.
+pub fn shows(mask: &Mask, truth: &dyn Truth, class: &str) -> Vec<bool> {
+    let ids: BTreeSet<u16> = truth
+        .instances()
+        .iter()
+        .filter(|thing| thing.class == class)
+        .map(|thing| thing.id)
+        .collect();
+    mask.ids.iter().map(|id| ids.contains(id)).collect()
+}
+
+/// Asks for every label in every frame (positions in the data set), and for what is not there.
+pub(super) async fn score(
+    context: &Context<'_>,
+    truth: &dyn Truth,
+    labels: &[String],
+    frames: &[usize],
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Language, EvaluateError> {
+    let (mut scores, mut bundle_threshold, mut milliseconds) = (Vec::new(), 0.0, Vec::new());
+    for (done, &index) in frames.iter().enumerate() {
+        on_step(Step::Asking { done, of: frames.len() });
+        let sequence = context.dataset.sequence(index);
+        let mut maps = Vec::with_capacity(labels.len());
+        for label in labels {
+            let started = std::time::Instant::now();
+            let (answer, map) = context.relevancy(label, sequence).await?;
+            milliseconds.push(started.elapsed().as_secs_f64() * 1e3);
+            bundle_threshold = answer.threshold;
+            maps.push(map);
+        }
+        let mask = truth.mask(index)?;
+        let masks: Vec<Vec<bool>> = labels.iter().map(|label| shows(&mask, truth, label)).collect();
+        let frame = Frame { sequence, labels, maps: &maps, masks: &masks, bundle_threshold };
+        scores.extend(frame.scores());
+    }
+    on_step(Step::Asking { done: frames.len(), of: frames.len() });
+    let shown: BTreeSet<&str> = scores.iter().map(|score| score.label.as_str()).collect();
+    let known = classes(truth);
+    let absent = ABSENT.iter().copied().filter(|noun| !known.values().any(|class| class == noun));
+    Ok(Language {
+        test_frames: frames.iter().map(|index| context.dataset.sequence(*index)).collect(),
+        bundle_threshold,
+        scene: scene(&scores),
+        classes: labels.iter().filter_map(|label| class(&scores, label)).collect(),
+        present_accuracy: judged(context, shown.into_iter(), true).await?,
+        absent_accuracy: judged(context, absent, false).await?,
+        question_ms: mean(milliseconds.into_iter()).unwrap_or_default(),
+        scores,
+    })
+}
+
+/// Of how many words the server says rightly whether they are anywhere in the map.
+async fn judged(
+    context: &Context<'_>,
+    words: impl Iterator<Item = &str>,
+    there: bool,
+) -> Result<Option<f64>, EvaluateError> {
+    let mut right = Vec::new();
+    for word in words {
+        let answer: Answer = context.client.query(context.map, &Question::in_space(word)).await?;
+        right.push(f64::from(u8::from(answer.present == there)));
+    }
+    Ok(mean(right.into_iter()))
+}
+
+/// Everything about one test frame; maps (unsmoothed) and masks in the labels' order.
+struct Frame<'a> {
+    sequence: u64,
+    labels: &'a [String],
+    maps: &'a [Plane],
+    masks: &'a [Vec<bool>],
+    bundle_threshold: f32,
+}
+
+impl Frame<'_> {
+    /// Of each label that the frame shows.
+    fn scores(&self) -> Vec<LabelScore> {
+        let smooth: Vec<Plane> = self.maps.iter().map(|map| map.smoothed(SMOOTHING)).collect();
+        let best = best_of(&smooth);
+        let counted = |at: &usize| self.masks[*at].iter().filter(|is| **is).count();
+        let seen = (0..self.labels.len()).filter(|at| counted(at) >= LEAST_PIXELS);
+        seen.map(|at| {
+            let (mask, map) = (&self.masks[at], &smooth[at]);
+            let above = |threshold: f32| -> Vec<bool> {
+                map.values.iter().map(|value| *value > threshold).collect()
+            };
+            let argmax: Vec<bool> = best.iter().map(|best| *best == Some(at)).collect();
+            let peak = map.peak();
+            let in_box = |(column, row)| {
+                boxes(mask, map.width).iter().any(|bounds| bounds.holds(column, row))
+            };
+            LabelScore {
+                sequence: self.sequence,
+                label: self.labels[at].clone(),
+                share: counted(&at) as f64 / mask.len() as f64,
+                iou_paper: iou(&above(PAPER_THRESHOLD), mask),
+                iou_bundle: iou(&above(self.bundle_threshold), mask),
+                iou_released: iou(&as_released(&self.maps[at]), mask),
+                iou_argmax: iou(&argmax, mask),
+                peak_in_box: peak.is_some_and(in_box),
+                peak_on_mask: peak.is_some_and(|(x, y)| mask[y * map.width + x]),
+                average_precision: average_precision(&map.values, mask),
+            }
+        })
+        .collect()
+    }
+}
+
+/// The map with the greatest value at each pixel; none where all are 0.
+fn best_of(maps: &[Plane]) -> Vec<Option<usize>> {
+    let pixels = maps.first().map_or(0, |map| map.values.len());
+    let best = |pixel: usize| {
+        let values = maps.iter().map(|map| map.values[pixel]).enumerate();
+        let best = values.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        best.filter(|(_, value)| *value > 0.0).map(|(at, _)| at)
+    };
+    (0..pixels).map(best).collect()
+}
+
+/// Means of some scores; zeros of none.
+fn means(scores: &[&LabelScore]) -> LabelMeans {
+    let of = |value: fn(&LabelScore) -> f64| {
+        mean(scores.iter().map(|score| value(score))).unwrap_or_default()
+    };
+    let share = |is: bool| f64::from(u8::from(is));
+    LabelMeans {
+        share: of(|score| score.share),
+        miou_paper: of(|score| score.iou_paper),
+        miou_bundle: of(|score| score.iou_bundle),
+        miou_released: of(|score| score.iou_released),
+        miou_argmax: of(|score| score.iou_argmax),
+        loc_box: mean(scores.iter().map(|score| share(score.peak_in_box))).unwrap_or_default(),
+        loc_mask: mean(scores.iter().map(|score| share(score.peak_on_mask))).unwrap_or_default(),
+        average_precision: of(|score| score.average_precision),
+    }
+}
+
+fn class(scores: &[LabelScore], label: &str) -> Option<ClassScore> {
+    let own: Vec<&LabelScore> = scores.iter().filter(|score| score.label == label).collect();
+    (!own.is_empty()).then(|| ClassScore {
+        label: label.to_owned(),
+        frames: own.len(),
+        means: means(&own),
+    })
+}
+
+/// The mean over frames of the means over a frame's labels.
+fn scene(scores: &[LabelScore]) -> LabelMeans {
+    let frames: Vec<LabelMeans> = scores
+        .chunk_by(|a, b| a.sequence == b.sequence)
+        .map(|frame| means(&frame.iter().collect::<Vec<_>>()))
+        .collect();
+    let of = |value: fn(&LabelMeans) -> f64| mean(frames.iter().map(value)).unwrap_or_default();
+    LabelMeans {
+        share: of(|frame| frame.share),
+        miou_paper: of(|frame| frame.miou_paper),
+        miou_bundle: of(|frame| frame.miou_bundle),
+        miou_released: of(|frame| frame.miou_released),
+        miou_argmax: of(|frame| frame.miou_argmax),
+        loc_box: of(|frame| frame.loc_box),
+        loc_mask: of(|frame| frame.loc_mask),
+        average_precision: of(|frame| frame.average_precision),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 80;
+
+    /// A plane and the mask of its block of `side` pixels at a place.
+    fn block(left: usize, top: usize, value: f32) -> (Plane, Vec<bool>) {
+        let side = 32;
+        let inside = |at: usize| {
+            (left..left + side).contains(&(at % WIDTH)) && (top..top + side).contains(&(at / WIDTH))
+        };
+        let mask: Vec<bool> = (0..WIDTH * WIDTH).map(inside).collect();
+        let values = mask.iter().map(|is| if *is { value } else { 0.1 }).collect();
+        (Plane { width: WIDTH, values }, mask)
+    }
+
+    fn scores(maps: &[Plane], masks: &[Vec<bool>]) -> Vec<LabelScore> {
+        let labels = ["sofa".to_owned(), "lamp".to_owned()];
+        Frame { sequence: 3, labels: &labels, maps, masks, bundle_threshold: 0.7 }.scores()
+    }
+
+    #[test]
+    fn good_maps_score_well_and_exchanged_ones_badly() {
+        let ((sofa, on_sofa), (lamp, on_lamp)) = (block(4, 4, 0.95), block(44, 44, 0.95));
+        let good = scores(&[sofa.clone(), lamp.clone()], &[on_sofa.clone(), on_lamp.clone()]);
+        assert_eq!(good.len(), 2);
+        for score in &good {
+            assert!(score.peak_in_box && score.peak_on_mask, "{score:?}");
+            assert!(score.average_precision > 0.85 && score.iou_paper > 0.5, "{score:?}");
+            assert!(score.iou_released > 0.5 && (score.share - 0.16).abs() < 1e-9, "{score:?}");
+        }
+        // Where all are alike, the first label has the ground too: only the second is judged.
+        assert!(good[1].iou_argmax > 0.3, "{:?}", good[1]);
+        let bad = scores(&[lamp, sofa], &[on_sofa, on_lamp]);
+        for score in &bad {
+            assert!(!score.peak_in_box && !score.peak_on_mask, "{score:?}");
+            assert!(score.average_precision < 0.16 && score.iou_paper < 0.05, "{score:?}");
+            assert!(score.iou_released < 0.05 && score.iou_argmax < 0.05, "{score:?}");
+        }
+        let means = scene(&good);
+        assert!(means.loc_box == 1.0 && scene(&bad).loc_box == 0.0);
+    }
+
+    #[test]
+    fn labels_that_are_hardly_seen_do_not_count_and_no_language_is_a_miss() {
+        let ((sofa, on_sofa), (lamp, _)) = (block(4, 4, 0.9), block(44, 44, 0.9));
+        let mut speck = vec![false; WIDTH * WIDTH];
+        speck[..LEAST_PIXELS - 1].fill(true);
+        assert_eq!(scores(&[sofa.clone(), lamp], &[on_sofa.clone(), speck]).len(), 1);
+        let nothing = Plane { values: vec![0.0; WIDTH * WIDTH], ..sofa };
+        let found = &scores(&[nothing.clone(), nothing], &[on_sofa, vec![false; WIDTH * WIDTH]])[0];
+        assert!(!found.peak_in_box && found.iou_argmax == 0.0 && found.iou_paper == 0.0);
+    }
+
+    #[test]
+    fn frames_weigh_alike_however_many_labels_they_show() {
+        let score = |sequence, iou_paper| LabelScore {
+            sequence,
+            label: "sofa".into(),
+            share: 0.1,
+            iou_paper,
+            iou_bundle: 0.0,
+            iou_released: 0.0,
+            iou_argmax: 0.0,
+            peak_in_box: true,
+            peak_on_mask: false,
+            average_precision: 0.0,
+        };
+        let scores = [score(1, 1.0), score(1, 0.0), score(2, 1.0)];
+        assert_eq!(scene(&scores).miou_paper, 0.75);
+        assert_eq!(class(&scores, "sofa").unwrap().means.miou_paper, 2.0 / 3.0);
+        assert_eq!(class(&scores, "lamp"), None);
+    }
+
+    #[test]
+    fn frames_are_spread_evenly() {
+        assert_eq!(spread(&(0..100).collect::<Vec<_>>(), 4), [12, 37, 62, 87]);
+        assert_eq!(spread(&[1, 2], 4), [1, 2]);
+    }
+}

@@ -1,0 +1,411 @@
+//! The report: every number of an evaluation, for programs (`report.json`) and in rows for people.
+//! In: what was measured. Out: a [`Report`] that serialises; what has no ground truth is null.
+
+mod page;
+
+use super::language::Language;
+use super::stages::Stage;
+use super::trajectory::Ate;
+use super::views::{ViewMeans, ViewScore};
+use crate::dataset::Dataset;
+use crate::http::{Health, Status};
+use crate::stream::{Poses, Summary};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// What the paper says of its own runs: means over the Replica scenes of vMAP, tracked poses.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Paper {
+    /// Table 1.
+    pub miou: f64,
+    /// Table 1.
+    pub loc_accuracy: f64,
+    /// Rendering.
+    pub psnr_db: f64,
+    /// Rendering.
+    pub ssim: f64,
+    /// Tracking.
+    pub ate_rmse_cm: f64,
+    /// On one large GPU, least and most.
+    pub seconds_per_frame: [f64; 2],
+}
+
+/// The paper's figures.
+pub const PAPER: Paper = Paper {
+    miou: 0.487,
+    loc_accuracy: 0.826,
+    psnr_db: 35.81,
+    ssim: 0.950,
+    ate_rmse_cm: 0.397,
+    seconds_per_frame: [0.6, 0.8],
+};
+
+/// Every number. Those at the top are the ones to compare runs by.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// The data set's name.
+    pub dataset: String,
+    /// Columns and rows of its frames.
+    pub frame_size: [u32; 2],
+    /// "given" or "estimate".
+    pub poses: &'static str,
+    /// What the server renders on.
+    pub adapter: String,
+    /// Its networks.
+    pub bundle: String,
+    /// Its version.
+    pub version: String,
+    /// Frames sent.
+    pub frames: u64,
+    /// Of those, with a pose.
+    pub frames_tracked: u64,
+    /// Of those, without.
+    pub frames_lost: u64,
+    /// Of those, refused.
+    pub frames_refused: u64,
+    /// Frames over the time from the stream's opening to the last acknowledgement, language on.
+    pub fps: f64,
+    /// The inverse.
+    pub seconds_per_frame: f64,
+    /// From the last acknowledgement until the map had done its work.
+    pub settle_seconds: f64,
+    /// Streaming and settling over frames.
+    pub seconds_per_frame_settled: f64,
+    /// Keyframes.
+    pub keyframes: u64,
+    /// Gaussians of the settled map.
+    pub gaussians: u64,
+    /// Device memory of the map.
+    pub gpu_bytes: u64,
+    /// The most memory that the server's process had.
+    pub peak_rss_bytes: Option<u64>,
+    /// Of the trajectory after rigid alignment.
+    pub ate_rmse_cm: Option<f64>,
+    /// Of the held-out views.
+    pub psnr_db: Option<f64>,
+    /// Of the held-out views.
+    pub ssim: Option<f64>,
+    /// Of the held-out views.
+    pub depth_l1_m: Option<f64>,
+    /// At 0.5 with smoothing, mean over frames.
+    pub miou: Option<f64>,
+    /// Peaks in a box of the label.
+    pub loc_accuracy: Option<f64>,
+    /// Not measured yet.
+    pub chamfer_m: Option<f64>,
+    /// Not measured yet.
+    pub emd_m: Option<f64>,
+    /// Share of absent nouns of which the server says so.
+    pub absent_accuracy: Option<f64>,
+    /// The trajectory in detail.
+    pub ate: Option<Ate>,
+    /// Frames that nothing was optimised for.
+    pub held_out: ViewMeans,
+    /// Frames that the map was optimised for.
+    pub keyframe_views: ViewMeans,
+    /// Words.
+    pub language: Option<Language>,
+    /// By name, from the stream's opening until the map was settled.
+    pub stages: BTreeMap<String, Stage>,
+    /// The server's settings as TOML, if they are known.
+    pub config: Option<String>,
+    /// What the paper says.
+    pub paper: Paper,
+    /// Every rendered frame.
+    pub views: Vec<ViewScore>,
+}
+
+/// What a report is made of.
+pub(super) struct Measured<'a> {
+    pub dataset: &'a dyn Dataset,
+    pub poses: Poses,
+    pub health: Health,
+    pub summary: Summary,
+    pub status: Status,
+    pub settle_seconds: f64,
+    pub peak_rss_bytes: Option<u64>,
+    pub ate: Option<Ate>,
+    pub views: Vec<ViewScore>,
+    pub language: Option<Language>,
+    pub stages: BTreeMap<String, Stage>,
+}
+
+/// A number for people, beside the paper's.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// What was measured.
+    pub what: &'static str,
+    /// With its unit.
+    pub value: String,
+    /// The paper's, or nothing.
+    pub paper: String,
+}
+
+impl Report {
+    pub(super) fn new(measured: Measured<'_>) -> Self {
+        let Measured { dataset, summary, status, health, settle_seconds, views, .. } = measured;
+        let camera = dataset.intrinsics();
+        let held_out = ViewMeans::of(views.iter().filter(|view| !view.keyframe));
+        let keyframe_views = ViewMeans::of(views.iter().filter(|view| view.keyframe));
+        let scene = measured.language.as_ref().map(|language| language.scene);
+        let per_frame = |seconds: f64| seconds / summary.sent.max(1) as f64;
+        Self {
+            dataset: dataset.name().to_owned(),
+            frame_size: [camera.width, camera.height],
+            poses: match measured.poses {
+                Poses::Given => "given",
+                Poses::Estimate => "estimate",
+            },
+            adapter: health.adapter,
+            bundle: health.bundle,
+            version: health.version,
+            frames: summary.sent,
+            frames_tracked: summary.tracked,
+            frames_lost: summary.lost,
+            frames_refused: summary.refused,
+            fps: summary.frames_per_second,
+            seconds_per_frame: per_frame(summary.seconds),
+            settle_seconds,
+            seconds_per_frame_settled: per_frame(summary.seconds + settle_seconds),
+            keyframes: status.keyframes,
+            gaussians: status.gaussians,
+            gpu_bytes: status.gpu_bytes,
+            peak_rss_bytes: measured.peak_rss_bytes,
+            ate_rmse_cm: measured.ate.map(|ate| ate.rmse_cm),
+            psnr_db: held_out.psnr_db,
+            ssim: held_out.ssim,
+            depth_l1_m: held_out.depth_l1_m,
+            miou: scene.map(|scene| scene.miou_paper),
+            loc_accuracy: scene.map(|scene| scene.loc_box),
+            chamfer_m: None,
+            emd_m: None,
+            absent_accuracy: measured.language.as_ref().and_then(|it| it.absent_accuracy),
+            ate: measured.ate,
+            held_out,
+            keyframe_views,
+            language: measured.language,
+            stages: measured.stages,
+            config: None,
+            paper: PAPER,
+            views,
+        }
+    }
+
+    /// The numbers to look at first.
+    pub fn rows(&self) -> Vec<Row> {
+        let row = |what, value, paper| Row { what, value, paper };
+        let none = String::new;
+        let [least, most] = PAPER.seconds_per_frame;
+        let mut rows = vec![
+            row("frames acknowledged per second", format!("{:.2}", self.fps), none()),
+            row("seconds per frame acknowledged", format!("{:.3}", self.seconds_per_frame), none()),
+            row(
+                "seconds per frame, all work done",
+                format!("{:.3}", self.seconds_per_frame_settled),
+                format!("{least} to {most} (one GPU, tracking too)"),
+            ),
+            row("settling after the last frame, s", format!("{:.1}", self.settle_seconds), none()),
+            row(
+                "frames tracked / lost / refused",
+                format!("{} / {} / {}", self.frames_tracked, self.frames_lost, self.frames_refused),
+                none(),
+            ),
+            row("keyframes", self.keyframes.to_string(), none()),
+            row("Gaussians", self.gaussians.to_string(), none()),
+            row("device memory of the map, MiB", mebibytes(Some(self.gpu_bytes)), none()),
+            row("peak memory of the server, MiB", mebibytes(self.peak_rss_bytes), none()),
+            row("ATE RMSE, cm", ate(self), format!("{} (tracked)", PAPER.ate_rmse_cm)),
+        ];
+        let views = [("held out", &self.held_out), ("keyframes", &self.keyframe_views)];
+        for (kind, means) in views {
+            let held_out = kind == "held out";
+            let paper = |value: f64| if held_out { value.to_string() } else { String::new() };
+            let name = |a, b| if held_out { a } else { b };
+            rows.extend([
+                row(
+                    name("PSNR held out, dB", "PSNR keyframes, dB"),
+                    decimals(means.psnr_db, 2),
+                    paper(PAPER.psnr_db),
+                ),
+                row(
+                    name("SSIM held out", "SSIM keyframes"),
+                    decimals(means.ssim, 4),
+                    paper(PAPER.ssim),
+                ),
+                row(
+                    name("depth L1 held out, m", "depth L1 keyframes, m"),
+                    decimals(means.depth_l1_m, 4),
+                    none(),
+                ),
+            ]);
+        }
+        rows.extend(self.language.iter().flat_map(language_rows));
+        rows
+    }
+
+    /// The report as Markdown; `pictures` are the names and captions of files beside it.
+    pub fn markdown(&self, pictures: &[(String, String)]) -> String {
+        page::markdown(self, pictures)
+    }
+}
+
+fn language_rows(language: &Language) -> Vec<Row> {
+    let scene = &language.scene;
+    let row = |what, value: f64, paper: &str| Row {
+        what,
+        value: format!("{value:.3}"),
+        paper: paper.to_owned(),
+    };
+    let paper_miou = PAPER.miou.to_string();
+    let mut rows = vec![
+        row("mIoU at 0.5 (as in the paper)", scene.miou_paper, &paper_miou),
+        row("mIoU at the bundle's threshold", scene.miou_bundle, ""),
+        row("mIoU as the released script has it", scene.miou_released, ""),
+        row("mIoU closed set (argmax)", scene.miou_argmax, ""),
+        row("Loc, peak in a box", scene.loc_box, &PAPER.loc_accuracy.to_string()),
+        row("Loc, peak on the thing", scene.loc_mask, ""),
+        row("average precision, no threshold", scene.average_precision, ""),
+        row("  of a map that knows nothing", scene.share, ""),
+    ];
+    let present = language.present_accuracy.map(|value| row("present said rightly", value, ""));
+    let absent = language.absent_accuracy.map(|value| row("absent said rightly", value, ""));
+    rows.extend(present.into_iter().chain(absent));
+    rows
+}
+
+fn ate(report: &Report) -> String {
+    match (report.ate, report.poses) {
+        (None, _) => "no true poses".into(),
+        (Some(ate), "given") => format!("{:.3} (poses were given)", ate.rmse_cm),
+        (Some(ate), _) => format!("{:.3}", ate.rmse_cm),
+    }
+}
+
+fn mebibytes(bytes: Option<u64>) -> String {
+    bytes.map_or_else(|| "not reported".into(), |bytes| format!("{:.0}", bytes as f64 / 1048576.0))
+}
+
+fn decimals(value: Option<f64>, count: usize) -> String {
+    value.map_or_else(|| "–".into(), |value| format!("{value:.count$}"))
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::evaluate::language::{ClassScore, LabelMeans};
+
+    /// A report with something everywhere.
+    pub fn some_report() -> Report {
+        let scene = LabelMeans {
+            share: 0.06,
+            miou_paper: 0.21,
+            miou_bundle: 0.44,
+            miou_released: 0.33,
+            miou_argmax: 0.5,
+            loc_box: 0.91,
+            loc_mask: 0.85,
+            average_precision: 0.6,
+        };
+        let view = |sequence, keyframe, psnr_db| ViewScore {
+            sequence,
+            keyframe,
+            psnr_db,
+            ssim: 0.9,
+            depth_l1_m: Some(0.012),
+            depth_share: Some(0.99),
+        };
+        let views = vec![view(0, true, 24.0), view(1, false, 21.5), view(6, false, 22.5)];
+        let stage = Stage { count: 40, seconds: 0.4, mean_ms: 10.0 };
+        Report {
+            dataset: "room7".into(),
+            frame_size: [320, 240],
+            poses: "given",
+            adapter: "software".into(),
+            bundle: "tiny".into(),
+            version: "1".into(),
+            frames: 40,
+            frames_tracked: 39,
+            frames_lost: 1,
+            frames_refused: 0,
+            fps: 5.0,
+            seconds_per_frame: 0.2,
+            settle_seconds: 3.0,
+            seconds_per_frame_settled: 0.275,
+            keyframes: 9,
+            gaussians: 12345,
+            gpu_bytes: 3 << 20,
+            peak_rss_bytes: Some(512 << 20),
+            ate_rmse_cm: Some(0.0),
+            psnr_db: Some(22.0),
+            ssim: Some(0.9),
+            depth_l1_m: Some(0.012),
+            miou: Some(0.21),
+            loc_accuracy: Some(0.91),
+            chamfer_m: None,
+            emd_m: None,
+            absent_accuracy: Some(0.8),
+            ate: Some(Ate { rmse_cm: 0.0, mean_cm: 0.0, median_cm: 0.0, max_cm: 0.0, frames: 39 }),
+            held_out: ViewMeans::of(views.iter().filter(|view| !view.keyframe)),
+            keyframe_views: ViewMeans::of(views.iter().filter(|view| view.keyframe)),
+            language: Some(Language {
+                test_frames: vec![1, 6],
+                bundle_threshold: 0.87,
+                scene,
+                classes: vec![ClassScore { label: "sofa".into(), frames: 2, means: scene }],
+                present_accuracy: Some(1.0),
+                absent_accuracy: Some(0.8),
+                question_ms: 30.0,
+                scores: Vec::new(),
+            }),
+            stages: [("decode".to_owned(), stage)].into(),
+            config: Some("[mapper]\nmax_gaussians = 200000\n".into()),
+            paper: PAPER,
+            views,
+        }
+    }
+
+    #[test]
+    fn programs_find_the_names_that_were_promised() {
+        let json = serde_json::to_value(some_report()).unwrap();
+        for name in [
+            "frames",
+            "fps",
+            "seconds_per_frame",
+            "gaussians",
+            "peak_rss_bytes",
+            "ate_rmse_cm",
+            "psnr_db",
+            "ssim",
+            "depth_l1_m",
+            "miou",
+            "loc_accuracy",
+            "chamfer_m",
+            "emd_m",
+            "absent_accuracy",
+            "stages",
+        ] {
+            assert!(json.get(name).is_some(), "{name}");
+        }
+        assert_eq!(json["psnr_db"], 22.0);
+        assert!(json["emd_m"].is_null(), "what is not measured is null");
+        assert_eq!(json["language"]["classes"][0]["miou_bundle"], 0.44);
+        assert_eq!(json["stages"]["decode"]["mean_ms"], 10.0);
+    }
+
+    #[test]
+    fn rows_keep_held_out_and_keyframes_apart_and_name_the_paper() {
+        let rows = some_report().rows();
+        let row = |what: &str| rows.iter().find(|row| row.what == what).unwrap();
+        assert_eq!(row("PSNR held out, dB").value, "22.00");
+        assert_eq!(row("PSNR held out, dB").paper, "35.81");
+        assert_eq!(row("PSNR keyframes, dB").value, "24.00");
+        assert_eq!(row("PSNR keyframes, dB").paper, "");
+        assert!(row("ATE RMSE, cm").value.contains("given"));
+        // A frame is acknowledged before its work is done: the paper is beside the honest number.
+        assert_eq!(row("seconds per frame acknowledged").paper, "");
+        assert!(row("seconds per frame, all work done").value == "0.275");
+        assert_eq!(row("mIoU at 0.5 (as in the paper)").paper, "0.487");
+        let without = Report { language: None, psnr_db: None, ..some_report() };
+        assert!(!without.rows().iter().any(|row| row.what.contains("mIoU")));
+    }
+}

@@ -1,0 +1,195 @@
+//! The report as a page of Markdown: numbers beside the paper's, classes, stages, how it was measured,
+//! the server's settings. In: a [`Report`]. Out: text; pictures are only referred to.
+
+use super::super::language::{
+    COUNTED_EVERY, ClassScore, LABELS, LEAST_PIXELS, Language, SMOOTHING, TEST_FRAMES,
+};
+use super::super::views::HELD_OUT_EVERY;
+use super::Report;
+use std::fmt::Write as _;
+
+pub(super) fn markdown(report: &Report, pictures: &[(String, String)]) -> String {
+    let [width, height] = report.frame_size;
+    let mut page = format!(
+        "# {}: {} frames of {width}x{height}, poses {}\n\nlexsplat {} on {}; networks: {}.\n\n",
+        report.dataset,
+        report.frames,
+        match report.poses {
+            "given" => "given",
+            _ => "estimated by the server",
+        },
+        report.version,
+        report.adapter,
+        report.bundle
+    );
+    page += "| what | here | the paper (another data set: 8 Replica scenes, tracked poses) |\n|---|---|---|\n";
+    for row in report.rows() {
+        line(&mut page, format_args!("| {} | {} | {} |", row.what, row.value, row.paper));
+    }
+    if let Some(ate) = &report.ate {
+        line(
+            &mut page,
+            format_args!(
+                "\nATE over {} of {} tracked frames: RMSE {:.3} cm, mean {:.3}, median {:.3}, \
+                 greatest {:.3}.",
+                ate.frames,
+                report.frames_tracked,
+                ate.rmse_cm,
+                ate.mean_cm,
+                ate.median_cm,
+                ate.max_cm
+            ),
+        );
+    }
+    if let Some(language) = &report.language {
+        page += &classes(language);
+    }
+    page += &stages(report);
+    page += &protocol(report);
+    page += "\n## Pictures\n\n";
+    for (file, caption) in pictures {
+        line(&mut page, format_args!("![{caption}]({file})\n\n*{caption}*\n"));
+    }
+    page += "## Settings of the server\n\n";
+    match &report.config {
+        Some(config) => line(&mut page, format_args!("```toml\n{}\n```", config.trim_end())),
+        None => page += "Not known: the server was not started by this evaluation.\n",
+    }
+    page
+}
+
+fn line(page: &mut String, text: std::fmt::Arguments<'_>) {
+    writeln!(page, "{text}").expect("writing to a string does not fail");
+}
+
+fn classes(language: &Language) -> String {
+    let mut page = format!(
+        "\n## Words\n\nThe {} classes with most pixels, asked by name in {} frames; {:.0} ms a \
+         question.\n\n| class | frames | share | IoU at 0.5 | IoU at {:.2} | IoU released | \
+         IoU argmax | Loc box | Loc thing | AP |\n|---|---|---|---|---|---|---|---|---|---|\n",
+        language.classes.len(),
+        language.test_frames.len(),
+        language.question_ms,
+        language.bundle_threshold
+    );
+    let row = |page: &mut String, ClassScore { label, frames, means: m }: &ClassScore| {
+        line(
+            page,
+            format_args!(
+                "| {label} | {frames} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {:.2} | {:.2} | \
+                 {:.3} |",
+                m.share,
+                m.miou_paper,
+                m.miou_bundle,
+                m.miou_released,
+                m.miou_argmax,
+                m.loc_box,
+                m.loc_mask,
+                m.average_precision
+            ),
+        );
+    };
+    language.classes.iter().for_each(|class| row(&mut page, class));
+    let frames = language.test_frames.len();
+    row(
+        &mut page,
+        &ClassScore { label: "**mean over frames**".into(), frames, means: language.scene },
+    );
+    page
+}
+
+fn stages(report: &Report) -> String {
+    let mut page = String::from(
+        "\n## Stages\n\nWhat the server reports, from the opening of the stream until the map was \
+         settled. Stages run beside each other, and `frame` holds the time in the queue: they do \
+         not add up to the time of a frame.\n\n| stage | runs | mean, ms | ms per frame |\n\
+         |---|---|---|---|\n",
+    );
+    for (name, stage) in &report.stages {
+        let per_frame = stage.seconds * 1e3 / report.frames.max(1) as f64;
+        line(
+            &mut page,
+            format_args!("| {name} | {} | {:.1} | {per_frame:.1} |", stage.count, stage.mean_ms),
+        );
+    }
+    page
+}
+
+/// How it was measured, so that two reports mean the same.
+fn protocol(report: &Report) -> String {
+    let mut page = format!(
+        "\n## How it was measured\n\n\
+         - **Speed**: *acknowledged* is from the opening of the stream to the last \
+         acknowledgement, reading (or rendering) the data set included: a frame is acknowledged when \
+         it is tracked, its optimisation and language may still wait. *All work done* adds the time \
+         until the map had settled, language included.\n\
+         - **ATE**: all tracked frames, rigid alignment (Umeyama, no scale), distances of \
+         positions; lost frames do not count and are given apart. The paper counts keyframes only.\n\
+         - **Held out**: every {HELD_OUT_EVERY}th of the tracked frames that are no keyframe ({}), \
+         rendered at the tracked pose: the map's Gaussians were optimised on keyframes only. The \
+         same walk, so near to keyframes: not a new path. Keyframes ({}) are what it was optimised \
+         on.\n\
+         - **PSNR, SSIM**: RGB of 8 bits as 0..1, all pixels, mean over frames; SSIM with an 11x11 \
+         Gaussian window (sigma 1.5), border left out. The paper leaves black pixels out of PSNR \
+         and pads SSIM with zeros.\n\
+         - **Depth L1**: pixels with measured and rendered depth{}.\n",
+        report.held_out.views,
+        report.keyframe_views.views,
+        match report.held_out.depth_share {
+            Some(share) => format!(" ({:.1} % of the measured ones, held out)", share * 100.0),
+            None => String::new(),
+        }
+    );
+    if report.language.is_some() {
+        page += &format!(
+            "- **Words**: the {LABELS} classes with most pixels over every {COUNTED_EVERY}th tracked \
+             frame, walls, floor and ceiling included; at most {TEST_FRAMES} frames, evenly spaced \
+             over the tracked frames that are no keyframe (the paper: 21 at random, or 16 by list). \
+             A label counts where it has {LEAST_PIXELS} pixels. The relevancy map at frame size is \
+             smoothed by a {SMOOTHING}-pixel mean. *IoU at 0.5*: the paper's threshold; its \
+             relevancies are of another feature space, whose 0.5 means something else. *IoU \
+             released*: the map and its 30-pixel mean averaged, scaled to 0..1 over the frame, above \
+             0.75, 7x7 majority. *Argmax*: each pixel is the label with the greatest relevancy. *Loc \
+             box*: the peak lies in a box around a connected region of the label; *Loc thing*: on \
+             the label itself. *AP*: average precision over pixels, no threshold; `share` is what a \
+             map that knows nothing gets. A frame's value is the mean over its labels, the scene's \
+             the mean over frames.\n\
+             - **Present, absent**: the same classes, and nouns that the scene has not, asked of the \
+             whole map.\n"
+        );
+    }
+    page + "- Not measured: 3D Chamfer and EMD (null in `report.json`).\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::some_report;
+    use super::*;
+
+    #[test]
+    fn the_page_has_every_part() {
+        let pictures = [("psnr.png".to_owned(), "PSNR over frames".to_owned())];
+        let page = markdown(&some_report(), &pictures);
+        for part in [
+            "# room7: 40 frames of 320x240, poses given",
+            "| PSNR held out, dB | 22.00 | 35.81 |",
+            "another data set",
+            "| sofa | 2 | 0.060 | 0.210 | 0.440 | 0.330 | 0.500 | 0.91 | 0.85 | 0.600 |",
+            "IoU at 0.87",
+            "| decode | 40 | 10.0 | 10.0 |",
+            "every 5th",
+            "![PSNR over frames](psnr.png)",
+            "max_gaussians = 200000",
+        ] {
+            assert!(page.contains(part), "{part:?} in\n{page}");
+        }
+    }
+
+    #[test]
+    fn what_was_not_measured_is_not_there() {
+        let report = Report { language: None, config: None, ..some_report() };
+        let page = markdown(&report, &[]);
+        assert!(!page.contains("## Words") && !page.contains("mIoU"), "{page}");
+        assert!(page.contains("Not known"), "{page}");
+    }
+}

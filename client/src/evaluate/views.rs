@@ -1,0 +1,139 @@
+//! Rendered against true pictures. In: which frames, a server that renders them, the data set. Out:
+//! PSNR, SSIM and depth error of each frame.
+//!
+//! Held out are every fifth of the tracked frames that are no keyframe: nothing in the map was
+//! optimised for them. They and the keyframes are rendered at the tracked pose, at the frame's size.
+
+use super::picture::{depth_error, psnr_db, ssim};
+use super::{Context, EvaluateError, Step};
+use crate::dataset::{Dataset, RgbdFrame};
+use image::RgbImage;
+use serde::Serialize;
+
+/// Of the tracked frames that are no keyframe, every so many are rendered.
+pub const HELD_OUT_EVERY: usize = 5;
+
+/// One rendered frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewScore {
+    /// The frame.
+    pub sequence: u64,
+    /// Whether the map was optimised for it.
+    pub keyframe: bool,
+    /// Decibels.
+    pub psnr_db: f64,
+    /// 0 to 1.
+    pub ssim: f64,
+    /// Metres; absent if nothing can be compared.
+    pub depth_l1_m: Option<f64>,
+    /// Of the measured pixels, the share that the map renders.
+    pub depth_share: Option<f64>,
+}
+
+/// Means over frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ViewMeans {
+    /// How many.
+    pub views: usize,
+    /// Mean of the frames' values.
+    pub psnr_db: Option<f64>,
+    /// Mean of the frames' values.
+    pub ssim: Option<f64>,
+    /// Mean of the frames' values, metres.
+    pub depth_l1_m: Option<f64>,
+    /// Mean of the frames' values.
+    pub depth_share: Option<f64>,
+}
+
+impl ViewMeans {
+    /// Of some frames.
+    pub fn of<'a>(views: impl Iterator<Item = &'a ViewScore> + Clone) -> Self {
+        Self {
+            views: views.clone().count(),
+            psnr_db: mean(views.clone().map(|view| view.psnr_db)),
+            ssim: mean(views.clone().map(|view| view.ssim)),
+            depth_l1_m: mean(views.clone().filter_map(|view| view.depth_l1_m)),
+            depth_share: mean(views.filter_map(|view| view.depth_share)),
+        }
+    }
+}
+
+/// The mean; nothing of nothing.
+pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
+
+/// Renders and compares the frames at these positions of the data set.
+pub(super) async fn score(
+    context: &Context<'_>,
+    chosen: &[(usize, bool)],
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Vec<ViewScore>, EvaluateError> {
+    let mut scores = Vec::with_capacity(chosen.len());
+    for (done, &(index, keyframe)) in chosen.iter().enumerate() {
+        on_step(Step::Rendering { done, of: chosen.len() });
+        let frame = context.dataset.frame(index)?;
+        let sequence = frame.sequence;
+        let truth = color(&frame)?;
+        let rendered = context.render(sequence).await?;
+        if truth.dimensions() != rendered.dimensions() {
+            let (expected, found) = (truth.dimensions(), rendered.dimensions());
+            return Err(EvaluateError::Size { sequence, expected, found });
+        }
+        let depth = context.client.render_depth(context.map, sequence).await?;
+        let measured = depth_metres(&frame, context.dataset)?;
+        if measured.len() != depth.values.len() {
+            let (expected, found) = (truth.dimensions(), (depth.values.len() as u32, 1));
+            return Err(EvaluateError::Size { sequence, expected, found });
+        }
+        let depth = depth_error(&measured, &depth.values);
+        scores.push(ViewScore {
+            sequence,
+            keyframe,
+            psnr_db: psnr_db(&truth, &rendered),
+            ssim: ssim(&truth, &rendered),
+            depth_l1_m: depth.map(|error| error.l1_metres),
+            depth_share: depth.map(|error| error.rendered_share),
+        });
+    }
+    on_step(Step::Rendering { done: chosen.len(), of: chosen.len() });
+    Ok(scores)
+}
+
+/// A frame's picture.
+pub fn color(frame: &RgbdFrame) -> Result<RgbImage, EvaluateError> {
+    super::decoded(&frame.color.bytes, frame.sequence).map(|picture| picture.to_rgb8())
+}
+
+/// A frame's depth, metres; 0 where nothing was measured.
+fn depth_metres(frame: &RgbdFrame, dataset: &dyn Dataset) -> Result<Vec<f32>, EvaluateError> {
+    let unit = dataset.depth_unit_metres();
+    let depth = super::decoded(&frame.depth.bytes, frame.sequence)?.to_luma16();
+    // The greatest value is "nothing" or "beyond the range".
+    let metres =
+        |units: &u16| if *units == u16::MAX { 0.0 } else { (f64::from(*units) * unit) as f32 };
+    Ok(depth.as_raw().iter().map(metres).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_over_what_is_there() {
+        let view = |psnr_db, depth_l1_m| ViewScore {
+            sequence: 0,
+            keyframe: false,
+            psnr_db,
+            ssim: 0.5,
+            depth_l1_m,
+            depth_share: None,
+        };
+        let views = [view(20.0, Some(0.1)), view(30.0, None)];
+        let means = ViewMeans::of(views.iter());
+        assert_eq!((means.views, means.psnr_db, means.ssim), (2, Some(25.0), Some(0.5)));
+        assert_eq!((means.depth_l1_m, means.depth_share), (Some(0.1), None));
+        assert_eq!(ViewMeans::of([].iter()), ViewMeans::default());
+    }
+}
