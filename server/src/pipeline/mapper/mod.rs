@@ -10,6 +10,8 @@ mod keyframe;
 mod language;
 mod optimise;
 mod prune;
+mod refine;
+mod trajectory;
 
 pub use config::MapperConfig;
 
@@ -18,9 +20,10 @@ use super::encoder::{LanguageMap, LanguageThread};
 use super::engine::PipelineConfig;
 use super::frame::{Frame, FrameOutcome};
 use super::map::{Event, Map};
-use super::snapshot::{KeyframeInfo, MapSnapshot, TrackedFrame};
-use super::tracker::{GivenPoses, Tracker};
+use super::snapshot::{KeyframeInfo, MapSnapshot};
+use super::tracker::{Scene, Tracked, Tracker, TrackerConfig};
 use keyframe::Keyframe;
+use trajectory::Trajectory;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -65,12 +68,13 @@ pub(super) fn spawn(
         gpu: gpu.clone(),
         map: map.clone(),
         language: language.clone(),
-        tracker: Box::new(GivenPoses::new()),
+        tracker: Tracker::new(gpu, &config.tracker),
+        tracker_config: config.tracker.clone(),
         online,
         renderer,
         gaussians,
         keyframes: Vec::new(),
-        trajectory: Vec::new(),
+        trajectory: Trajectory::default(),
         awaiting_language: VecDeque::new(),
         language_in_flight: 0,
         steps_left: 0,
@@ -93,12 +97,13 @@ struct Mapper {
     gpu: Gpu,
     map: Arc<Map>,
     language: Arc<LanguageThread>,
-    tracker: Box<dyn Tracker>,
+    tracker: Tracker,
+    tracker_config: TrackerConfig,
     online: Box<dyn OnlineStage>,
     renderer: Renderer,
     gaussians: Gaussians,
     keyframes: Vec<Keyframe>,
-    trajectory: Vec<TrackedFrame>,
+    trajectory: Trajectory,
     /// Keyframes that the language thread had no room for yet, oldest first.
     awaiting_language: VecDeque<Frame>,
     language_in_flight: usize,
@@ -189,23 +194,16 @@ impl Mapper {
     /// One frame's way through the map.
     fn map_frame(&mut self, frame: Frame) -> Result<FrameOutcome, GpuError> {
         let sequence = frame.sequence;
-        let world_from_camera = self.tracker.track(&frame);
+        let mut scene = Scene { renderer: &mut self.renderer, gaussians: &self.gaussians };
+        let tracked = self.tracker.track(&frame, &mut scene)?;
         let mut is_keyframe = false;
-        if let Some(world_from_camera) = world_from_camera {
-            let tracked = TrackedFrame {
-                sequence,
-                timestamp_nanos: frame.timestamp_nanos,
-                world_from_camera,
-            };
-            self.trajectory.push(tracked);
-            is_keyframe = self.is_keyframe(&frame, &world_from_camera);
+        if let Some(tracked) = &tracked {
+            is_keyframe = self.is_keyframe(&frame, &tracked.world_from_camera);
+            let times = (sequence, frame.timestamp_nanos);
             if is_keyframe {
-                let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
-                self.insert(&keyframe)?;
-                self.keyframes.push(keyframe);
-                self.awaiting_language.push_back(frame);
-                self.steps_left += self.config.steps_per_keyframe;
+                self.add_keyframe(frame, tracked)?;
             }
+            self.trajectory.push(times, &tracked.world_from_camera, &self.keyframes);
             for _ in 0..self.config.steps_per_frame.min(self.steps_left) {
                 self.optimise_once()?;
             }
@@ -213,10 +211,22 @@ impl Mapper {
         Ok(FrameOutcome {
             sequence,
             tracking: self.tracker.state(),
-            world_from_camera,
+            relocalised: tracked.is_some_and(|tracked| tracked.relocalised),
+            world_from_camera: tracked.map(|tracked| tracked.world_from_camera),
             keyframe: is_keyframe,
             revision: self.revision,
         })
+    }
+
+    fn add_keyframe(&mut self, frame: Frame, tracked: &Tracked) -> Result<(), GpuError> {
+        let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
+        self.insert(&keyframe)?;
+        let pose = tracked.world_from_camera;
+        self.tracker.add_keyframe(frame.sequence, &keyframe.working, pose);
+        self.keyframes.push(keyframe);
+        self.awaiting_language.push_back(frame);
+        self.steps_left += self.config.steps_per_keyframe;
+        Ok(())
     }
 
     /// After each turn: hand keyframes to the networks, tell readers, say whether work is left.
@@ -272,7 +282,7 @@ impl Mapper {
             gaussians: Arc::new(self.gaussians.to_host()?),
             online: Arc::from(self.online.boxed_clone()),
             intrinsics: self.keyframes.first().map(|keyframe| keyframe.intrinsics),
-            trajectory: Arc::new(self.trajectory.clone()),
+            trajectory: Arc::new(self.trajectory.frames(&self.keyframes)),
             keyframes: Arc::new(self.keyframes.iter().map(info).collect()),
         });
         self.changed = false;
