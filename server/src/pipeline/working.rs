@@ -6,20 +6,21 @@
 use super::frame::Frame;
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
+use std::sync::Arc;
 
 /// Depths of a block that lie within this share of its nearest are of one surface: of the mean of
 /// all of them, points between surfaces would be made.
 const ONE_SURFACE: f32 = 0.02;
 
-/// A frame at working size.
+/// A frame at working size; cheap to clone.
 #[derive(Clone, Debug)]
 pub(super) struct Working {
     /// Size, intrinsics and pose.
     pub camera: Camera,
     /// `[height * width * 3]`.
-    pub rgb: Vec<u8>,
+    pub rgb: Arc<[u8]>,
     /// `[height * width]`, metres, 0 none.
-    pub depth_metres: Vec<f32>,
+    pub depth_metres: Arc<[f32]>,
 }
 
 impl Working {
@@ -27,12 +28,12 @@ impl Working {
     /// out.
     pub fn of(frame: &Frame, world_from_camera: &Isometry3<f64>, columns: u32) -> Self {
         let full = frame.intrinsics.camera(world_from_camera);
-        let factor = full.width.div_ceil(columns.max(1)).max(1) as usize;
+        let factor = factor(frame, columns);
         if factor == 1 {
             return Self {
                 camera: full,
-                rgb: frame.rgb.to_vec(),
-                depth_metres: frame.depth_metres.to_vec(),
+                rgb: frame.rgb.clone(),
+                depth_metres: frame.depth_metres.clone(),
             };
         }
         let (width, height) =
@@ -67,13 +68,23 @@ impl Working {
                 depth_metres.push(nearest_surface(block.map(|at| frame.depth_metres[at])));
             }
         }
-        Self { camera, rgb, depth_metres }
+        Self { camera, rgb: rgb.into(), depth_metres: depth_metres.into() }
+    }
+
+    /// The columns that [`Working::of`] has.
+    pub fn columns(frame: &Frame, columns: u32) -> u32 {
+        frame.intrinsics.width / factor(frame, columns) as u32
     }
 
     /// Takes the picture to another pose.
     pub fn place(&mut self, world_from_camera: &Isometry3<f64>) {
         self.camera.camera_from_world = world_from_camera.inverse().cast();
     }
+}
+
+/// How many columns become one, at least 1.
+fn factor(frame: &Frame, columns: u32) -> usize {
+    frame.intrinsics.width.div_ceil(columns.max(1)).max(1) as usize
 }
 
 /// The mean of the measurements that are near the nearest one; 0 without any.

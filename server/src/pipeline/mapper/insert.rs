@@ -139,7 +139,11 @@ mod tests {
             cy: 2.5,
             camera_from_world: Isometry3::identity(),
         };
-        Working { camera, rgb: vec![128; SIZE * SIZE * 3], depth_metres: vec![2.0; SIZE * SIZE] }
+        Working {
+            camera,
+            rgb: vec![128; SIZE * SIZE * 3].into(),
+            depth_metres: vec![2.0; SIZE * SIZE].into(),
+        }
     }
 
     /// What a map that explains [`working`] perfectly would render.
@@ -179,7 +183,7 @@ mod tests {
 
     #[test]
     fn nothing_is_inserted_without_a_measurement() {
-        let blind = Working { depth_metres: vec![0.0; SIZE * SIZE], ..working() };
+        let blind = Working { depth_metres: vec![0.0; SIZE * SIZE].into(), ..working() };
         let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&blind, &open), 0);
     }

@@ -93,10 +93,8 @@ impl Keyframe {
             return Cow::Borrowed(&self.working);
         }
         let mut working = self.working.clone();
-        for value in &mut working.rgb {
-            let seen = f32::from(*value) / 255.0;
-            *value = ((seen - b) * (-a).exp() * 255.0).round() as u8;
-        }
+        let seen = |value: u8| (f32::from(value) / 255.0 - b) * (-a).exp() * 255.0;
+        working.rgb = working.rgb.iter().map(|value| seen(*value).round() as u8).collect();
         Cow::Owned(working)
     }
 }

@@ -23,7 +23,6 @@ use super::map::{Event, Map};
 use super::snapshot::{KeyframeInfo, MapSnapshot};
 use super::tracker::{Scene, Tracked, Tracker, TrackerConfig};
 use keyframe::Keyframe;
-use trajectory::Trajectory;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -33,6 +32,7 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
+use trajectory::Trajectory;
 
 /// Which random views are replayed is the same in every run.
 const REPLAY_SEED: u64 = 0x5eed;
@@ -221,8 +221,7 @@ impl Mapper {
     fn add_keyframe(&mut self, frame: Frame, tracked: &Tracked) -> Result<(), GpuError> {
         let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
         self.insert(&keyframe)?;
-        let pose = tracked.world_from_camera;
-        self.tracker.add_keyframe(frame.sequence, &keyframe.working, pose);
+        self.tracker.add_keyframe(&frame, &keyframe.working, tracked);
         self.keyframes.push(keyframe);
         self.awaiting_language.push_back(frame);
         self.steps_left += self.config.steps_per_keyframe;

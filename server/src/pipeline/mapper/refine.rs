@@ -60,8 +60,9 @@ impl Mapper {
         for (exposure, step) in keyframe.exposure.iter_mut().zip([step[6], step[7]]) {
             *exposure += (rates.refine_exposure * step) as f32;
         }
-        let frame = keyframe.frame;
-        self.tracker.correct_keyframe(frame.sequence, frame.world_from_camera);
+        let (frame, [a, b]) = (keyframe.frame, keyframe.exposure.map(f64::from));
+        let exposure = [-a, -b * (-a).exp()];
+        self.tracker.correct_keyframe(frame.sequence, frame.world_from_camera, exposure);
         Ok(())
     }
 }

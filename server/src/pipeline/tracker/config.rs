@@ -16,6 +16,12 @@ pub struct TrackerConfig {
     pub photometric_weight: f64,
     /// Of the geometric term, 1 / metres².
     pub geometric_weight: f64,
+    /// How much the rendered map counts beside keyframes; 0: it is rendered only without them.
+    pub map_weight: f64,
+    /// Keyframes whose own pictures are references too: the newest, and the oldest in sight.
+    pub keyframes: usize,
+    /// In sight: a camera at the predicted pose sees at least this share of the keyframe.
+    pub keyframe_overlap: f64,
     /// Whether the exposure of each frame is estimated.
     pub exposure: bool,
     /// The map is rendered a second time when the pose moved by more than this, metres.
@@ -57,6 +63,9 @@ impl Default for TrackerConfig {
             wide_steps: vec![4, 6, 10, 10],
             photometric_weight: 1e3,
             geometric_weight: 1e4,
+            map_weight: 0.0,
+            keyframes: 2,
+            keyframe_overlap: 0.6,
             exposure: true,
             rerender_metres: 0.05,
             rerender_radians: 0.05,

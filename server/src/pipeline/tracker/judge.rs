@@ -3,7 +3,7 @@
 
 use super::super::working::Working;
 use super::TrackerConfig;
-use lexsplat_gpu::Aligned;
+use lexsplat_gpu::NormalSystem;
 
 /// A frame with less of it measured tells no pose, and maps nothing.
 const MIN_MEASURED: f64 = 0.03;
@@ -24,16 +24,21 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    /// Of an alignment.
-    pub fn of(aligned: &Aligned) -> Self {
-        let counts = &aligned.system.counts;
-        Self {
-            overlap: aligned.overlap(),
-            surface: aligned.geometric_inliers(),
-            intensity: f64::from(counts.photometric_inliers)
-                / f64::from(counts.photometric.max(1)),
-            conditioning: aligned.conditioning,
-        }
+    /// Of an alignment: by the reference that the frame agrees with best.
+    pub fn of(systems: &[NormalSystem], conditioning: f64) -> Self {
+        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
+        let evidence = |system: &NormalSystem| {
+            let counts = &system.counts;
+            Self {
+                overlap: share(counts.inside, counts.live),
+                surface: share(counts.geometric_inliers, counts.live),
+                intensity: share(counts.photometric_inliers, counts.photometric),
+                conditioning,
+            }
+        };
+        let all = systems.iter().map(evidence);
+        let best = all.max_by(|a, b| a.surface.total_cmp(&b.surface));
+        best.unwrap_or(Self { overlap: 0.0, surface: 0.0, intensity: 0.0, conditioning })
     }
 
     /// Enough to go on with.

@@ -1,14 +1,18 @@
 //! Where is the camera? In: a frame and the map. Out: its pose and exposure, or that it is lost.
 //!
-//! A given pose is believed. Otherwise the map is rendered once from where the camera should be
-//! (constant velocity, or what the robot thinks) and the frame is aligned with that picture, coarse
-//! to fine, photometric and point to plane; the map is rendered again only if the pose moved far
-//! from there. Where the map shows too little, the frame before is the reference. Lost is a state:
-//! such a frame is not mapped and does not move the velocity; the keyframes that look most like it
-//! are tried. The tracker never changes the map.
+//! A given pose is believed. Otherwise the frame is aligned, from where the camera should be
+//! (constant velocity, or what the robot thinks), coarse to fine, photometric and point to plane, with
+//! the pictures of the newest keyframe and of the oldest in sight. Where they show too little, the
+//! map is rendered from there, and rendered again if the pose moved far; then the frame before is the
+//! reference. The map's picture can join the keyframes' (`map_weight`), but while the map is young it
+//! is blurred, and its depth is a few centimetres off: measured, it makes poses worse.
+//!
+//! Lost is a state: such a frame is not mapped and does not move the velocity; the keyframes that
+//! look most like it are tried. The tracker never changes the map.
 
 mod align;
 mod config;
+mod joint;
 mod judge;
 mod motion;
 mod places;
@@ -20,7 +24,7 @@ use super::frame::{Frame, TrackingState};
 use super::working::Working;
 use align::{Candidate, Front, Start};
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, Renderer};
-use motion::Motion;
+use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
 use places::{Places, Thumbnail};
 
@@ -41,7 +45,7 @@ pub(super) struct Tracked {
     pub exposure: [f64; 2],
     /// Whether the pose is the tracker's own.
     pub is_estimated: bool,
-    /// Whether the frame before was lost.
+    /// Whether the pose was found anew: the frame before was lost, or the camera jumped.
     pub relocalised: bool,
 }
 
@@ -76,14 +80,19 @@ impl Tracker {
         self.state
     }
 
-    /// A keyframe was made, at working size.
-    pub fn add_keyframe(&mut self, sequence: u64, working: &Working, pose: Isometry3<f64>) {
-        self.places.add(sequence, working, pose);
+    /// A keyframe was made.
+    pub fn add_keyframe(&mut self, frame: &Frame, working: &Working, tracked: &Tracked) {
+        let working = if Working::columns(frame, self.config.width) == working.camera.width {
+            working.clone()
+        } else {
+            Working::of(frame, &tracked.world_from_camera, self.config.width)
+        };
+        self.places.add(frame.sequence, working, tracked);
     }
 
-    /// A keyframe's pose was refined.
-    pub fn correct_keyframe(&mut self, sequence: u64, pose: Isometry3<f64>) {
-        self.places.correct(sequence, pose);
+    /// A keyframe's pose or exposure was refined.
+    pub fn correct_keyframe(&mut self, sequence: u64, pose: Isometry3<f64>, exposure: [f64; 2]) {
+        self.places.correct(sequence, pose, exposure);
     }
 
     /// Where the frame was taken; `None` if that is not known.
@@ -100,11 +109,11 @@ impl Tracker {
             Some(pose) => Some(Candidate::given(pose)),
             None => self.estimate(frame, scene)?,
         };
-        let Some(Candidate { world_from_camera, exposure, .. }) = found else {
+        let Some(Candidate { world_from_camera, exposure, jumped, .. }) = found else {
             self.state = TrackingState::Lost;
             return Ok(None);
         };
-        if was_lost {
+        if was_lost || jumped {
             self.motion.restart(world_from_camera, frame.timestamp_nanos);
         } else {
             self.motion.follow(world_from_camera, frame.timestamp_nanos);
@@ -112,7 +121,7 @@ impl Tracker {
         self.state = TrackingState::Tracking;
         self.exposure = exposure;
         let is_estimated = frame.world_from_camera.is_none();
-        let relocalised = was_lost && is_estimated;
+        let relocalised = (was_lost || jumped) && is_estimated;
         Ok(Some(Tracked { world_from_camera, exposure, is_estimated, relocalised }))
     }
 
@@ -151,40 +160,47 @@ impl Tracker {
     ) -> Result<Option<Candidate>, GpuError> {
         let (config, exposure) = (&self.config, self.exposure);
         let front = self.front.as_mut().expect("estimate makes it first");
-        let sequence = frame.sequence;
-        let tracking = self.state == TrackingState::Tracking;
+        let (sequence, nanos) = (frame.sequence, frame.timestamp_nanos);
+        let is_lost = self.state == TrackingState::Lost;
+        let start = |pose, wide| Start { pose, exposure, wide, prior: None };
         let hint = frame.hint.as_ref().and_then(|hint| Start::of_hint(hint, exposure));
-        let ahead = if tracking {
-            self.motion.predict(frame.timestamp_nanos)
-        } else {
-            self.motion.last()
-        };
-        let ahead = ahead.map(|pose| Start { pose, exposure, wide: !tracking, prior: None });
-        let again = self.motion.last().filter(|_| tracking);
-        let again = again.map(|pose| Start { pose, exposure, wide: true, prior: None });
-        for start in [hint, ahead.clone()].into_iter().flatten() {
-            let found = front.align_with_map(scene, &start)?;
-            tracing::debug!(sequence, ?found.evidence, exposure = ?found.exposure, "against the map");
-            if found.evidence.is_tracked(config) {
-                return Ok(Some(found));
+        let ahead = self.motion.predict(nanos, SHORT_PAUSE).filter(|_| !is_lost);
+        let ahead = ahead.map(|pose| start(pose, false));
+        let wanted = (config.keyframes, config.keyframe_overlap);
+        for start in hint.iter().chain(&ahead) {
+            let keyframes = self.places.around((&working.camera, &start.pose), wanted);
+            for references in [&keyframes[..], &[]] {
+                let found = front.align_with_map(scene, start, references)?;
+                let against = references.len();
+                tracing::debug!(sequence, against, ?found.evidence, exposure = ?found.exposure);
+                if found.evidence.is_tracked(config) {
+                    return Ok(Some(found));
+                }
             }
         }
-        if let Some(start) = ahead.filter(|_| tracking)
-            && let Some(found) = front.align_with_last(&start)?
+        if let Some(start) = &ahead
+            && let Some(found) = front.align_with_last(start)?
         {
             tracing::debug!(sequence, ?found.evidence, "against the frame before");
             if found.evidence.is_tracked(config) {
                 return Ok(Some(found));
             }
         }
+        // Farther and farther away.
+        let still = self.motion.last().map(|pose| start(pose, true));
+        let far = self.motion.predict(nanos, LONG_PAUSE).map(|pose| start(pose, true));
+        let newest = |start: Start| {
+            let places = self.places.around((&working.camera, &start.pose), wanted);
+            (start, places)
+        };
         let thumbnail = Thumbnail::of(working);
-        let places = self.places.like(&thumbnail, config.relocalise_keyframes);
-        let places = places.into_iter().map(|pose| Start::anywhere(pose));
-        for start in again.into_iter().chain(places) {
-            let found = front.align_with_map(scene, &start)?;
+        let like = self.places.like(&thumbnail, config.relocalise_keyframes);
+        let like = like.into_iter().map(|place| (Start::anywhere(place), vec![place]));
+        for (start, places) in still.into_iter().chain(far).map(newest).chain(like) {
+            let found = front.align_with_map(scene, &start, &places)?;
             tracing::debug!(sequence, ?found.evidence, "against a place seen before");
             if found.evidence.is_found_again(config) {
-                return Ok(Some(found));
+                return Ok(Some(Candidate { jumped: true, ..found }));
             }
         }
         tracing::info!(sequence, "the camera is lost");

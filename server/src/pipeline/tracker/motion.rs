@@ -6,8 +6,11 @@
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Vector6};
 
-/// A longer pause is not bridged at full speed: by then the camera may have turned back.
-const LONGEST_PAUSE: f64 = 3.0;
+/// A pause of more frames than this is not bridged at full speed: by then the camera may have
+/// turned back.
+pub(super) const SHORT_PAUSE: f64 = 3.0;
+/// The longest pause that may be bridged at all.
+pub(super) const LONG_PAUSE: f64 = 45.0;
 
 /// The newest tracked pose and the way it came.
 #[derive(Clone, Debug, Default)]
@@ -23,16 +26,13 @@ impl Motion {
         self.last.map(|(pose, _)| pose)
     }
 
-    /// `world_from_camera` at a time, if any pose is known.
-    pub fn predict(&self, nanos: u64) -> Option<Isometry3<f64>> {
+    /// `world_from_camera` at a time, but at most `longest` frames ahead, if any pose is known.
+    pub fn predict(&self, nanos: u64, longest: f64) -> Option<Isometry3<f64>> {
         let (pose, since) = self.last?;
         let Some((twist, interval)) = self.way else { return Some(pose) };
         let pause = nanos.saturating_sub(since) as f64;
-        let share = if interval > 0 && pause > 0.0 {
-            (pause / interval as f64).min(LONGEST_PAUSE)
-        } else {
-            1.0
-        };
+        let share =
+            if interval > 0 && pause > 0.0 { (pause / interval as f64).min(longest) } else { 1.0 };
         Some(pose * se3::exp(&(twist * share)))
     }
 
@@ -60,14 +60,14 @@ mod tests {
     }
 
     fn off(motion: &Motion, nanos: u64, wanted: &Isometry3<f64>) -> f64 {
-        let found = motion.predict(nanos).expect("a pose is known");
+        let found = motion.predict(nanos, SHORT_PAUSE).expect("a pose is known");
         (found.to_homogeneous() - wanted.to_homogeneous()).norm()
     }
 
     #[test]
     fn a_screw_goes_on() {
         let mut motion = Motion::default();
-        assert!(motion.predict(0).is_none());
+        assert!(motion.predict(0, SHORT_PAUSE).is_none());
         motion.follow(screw(0.0), 0);
         assert!(off(&motion, 10, &screw(0.0)) < 1e-12, "one pose has no velocity");
         motion.follow(screw(1.0), 10);
