@@ -22,7 +22,7 @@ pub struct TrackerConfig {
     pub keyframes: usize,
     /// In sight: a camera at the predicted pose sees at least this share of the keyframe.
     pub keyframe_overlap: f64,
-    /// Whether the exposure of each frame is estimated.
+    /// Whether the exposure of each frame is estimated: a gain.
     pub exposure: bool,
     /// The map is rendered a second time when the pose moved by more than this, metres.
     pub rerender_metres: f64,
@@ -33,7 +33,7 @@ pub struct TrackerConfig {
     pub correlated_pixels: f64,
     /// Tracked if at least this share of the measured pixels falls into the reference.
     pub min_overlap: f64,
-    /// Tracked if at least this share of the measured pixels lies on the reference's surface.
+    /// Tracked if at least this share of those lies on the reference's surface.
     pub min_surface: f64,
     /// Tracked if at least this share of the compared pixels has the reference's intensity.
     pub min_intensity: f64,
@@ -41,11 +41,12 @@ pub struct TrackerConfig {
     pub min_conditioning: f64,
     /// Keyframes that are tried when the camera is lost; 0: it stays where it was lost.
     pub relocalise_keyframes: usize,
-    /// Found again if at least this share of the measured pixels lies on the map's surface.
+    /// Found again if at least this share of the pixels in sight lies on the surface.
     pub relocalise_surface: f64,
     /// Found again if at least this share of the compared pixels has the map's intensity.
     pub relocalise_intensity: f64,
-    /// Poses of this many newest keyframes are refined with the map; 0: none.
+    /// Poses of this many newest keyframes are refined with the map; 0: none (measured: a young map
+    /// is less exact than the poses, so that they get worse).
     pub refine_keyframes: usize,
     /// Step of a refined pose, metres.
     pub refine_metres: f64,
@@ -71,11 +72,11 @@ impl Default for TrackerConfig {
             rerender_radians: 0.05,
             correlated_pixels: 50.0,
             min_overlap: 0.3,
-            min_surface: 0.25,
+            min_surface: 0.3,
             min_intensity: 0.4,
             min_conditioning: 1e-4,
             relocalise_keyframes: 4,
-            relocalise_surface: 0.4,
+            relocalise_surface: 0.5,
             relocalise_intensity: 0.5,
             refine_keyframes: 0,
             refine_metres: 5e-4,

@@ -8,11 +8,17 @@
 //! - I_i = exp(a - c) live + (b - d) exp(-c),
 //!
 //! so that with A = diag(Ad(X), 1, exp(-c)) its system adds A^T H A and A^T g.
+//!
+//! Exposure is a gain: b stays where it starts. With both free, noise in the pictures makes each
+//! keyframe's contrast a percent too low (regression dilution), and along a walk that adds up.
 
 use lexsplat_gpu::{
     AlignSettings, Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule,
 };
 use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
+
+/// Information of b, far above what pictures bring.
+const OFFSET_INFORMATION: f64 = 1e12;
 
 /// What a frame is compared with.
 #[derive(Clone, Copy)]
@@ -53,6 +59,7 @@ pub(super) fn align(
     let aligned = lexsplat_gpu::align::align(start, schedule, |level, estimate| {
         let systems = each(level, estimate)?;
         let mut sum = NormalSystem::default();
+        sum.h[(7, 7)] = OFFSET_INFORMATION;
         for ((system, reference), seen) in systems.iter().zip(references).zip(&seen) {
             seen.add(&mut sum, system, reference.weight);
         }

@@ -15,7 +15,7 @@ const BLACK: f64 = 6.0;
 pub(super) struct Evidence {
     /// Share of the measured pixels that falls into the reference.
     pub overlap: f64,
-    /// Share of the measured pixels that lies on the reference's surface.
+    /// Share of those that lies on the reference's surface.
     pub surface: f64,
     /// Share of the compared pixels that has the reference's intensity.
     pub intensity: f64,
@@ -31,13 +31,14 @@ impl Evidence {
             let counts = &system.counts;
             Self {
                 overlap: share(counts.inside, counts.live),
-                surface: share(counts.geometric_inliers, counts.live),
+                surface: share(counts.geometric_inliers, counts.inside),
                 intensity: share(counts.photometric_inliers, counts.photometric),
                 conditioning,
             }
         };
         let all = systems.iter().map(evidence);
-        let best = all.max_by(|a, b| a.surface.total_cmp(&b.surface));
+        let agreement = |evidence: &Self| evidence.overlap * evidence.surface;
+        let best = all.max_by(|a, b| agreement(a).total_cmp(&agreement(b)));
         best.unwrap_or(Self { overlap: 0.0, surface: 0.0, intensity: 0.0, conditioning })
     }
 
