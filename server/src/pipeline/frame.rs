@@ -54,7 +54,7 @@ pub struct Frame {
     /// The given pose, rigid and finite; `None` if the server is to track.
     pub world_from_camera: Option<Isometry3<f64>>,
     /// What the robot thinks, where the server is to track.
-    pub hint: Option<PoseHint>,
+    pub hint: Option<Box<PoseHint>>,
 }
 
 /// Where a robot thinks that it is.

@@ -118,7 +118,7 @@ pub fn frame(
     let covariance = covariance(&wire.pose_covariance)?;
     let (world_from_camera, hint) = match pose {
         Some(world_from_camera) if opening.estimates_poses => {
-            (None, Some(PoseHint { world_from_camera, covariance }))
+            (None, Some(Box::new(PoseHint { world_from_camera, covariance })))
         }
         given => (given, None),
     };

@@ -86,7 +86,7 @@ impl Robot {
             rgb: rgb.into(),
             depth_metres: depth.into(),
             world_from_camera: None,
-            hint,
+            hint: hint.map(Box::new),
         };
         self.map().submit(frame).await.unwrap().await.unwrap()
     }
