@@ -9,6 +9,7 @@ use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
 use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
+use crate::pipeline::tracker::TrackerConfig;
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Format, Toml};
@@ -36,6 +37,8 @@ pub struct Config {
     pub language: LanguageConfig,
     /// The online stage of the compression.
     pub compressor: CompressorConfig,
+    /// Estimated poses.
+    pub tracker: TrackerConfig,
     /// The mapper.
     pub mapper: MapperConfig,
     /// Queries.
@@ -266,6 +269,17 @@ impl Config {
                 expected: "more than ingest.min_depth_metres, which is at least 0",
             });
         }
+        let weights = [
+            ("tracker.photometric_weight", self.tracker.photometric_weight),
+            ("tracker.geometric_weight", self.tracker.geometric_weight),
+            ("tracker.correlated_pixels", self.tracker.correlated_pixels),
+        ];
+        for (key, value) in weights {
+            if !(value.is_finite() && value >= 0.0) {
+                let (found, expected) = (value.to_string(), "a finite number of at least 0");
+                return Err(ConfigError::OutOfRange { key, found, expected });
+            }
+        }
         Ok(())
     }
 
@@ -275,6 +289,7 @@ impl Config {
             adapter: self.gpu.adapter.clone(),
             language: self.language.clone(),
             compressor: self.compressor.clone(),
+            tracker: self.tracker.clone(),
             mapper: self.mapper.clone(),
             query: self.query.clone(),
         }

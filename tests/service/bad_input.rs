@@ -147,11 +147,11 @@ async fn streams_that_do_not_open_say_why() {
             }),
         ),
         (
-            "estimated poses",
-            "not there yet",
-            Code::Unimplemented,
+            "an unknown source of poses",
+            "pose_source",
+            Code::InvalidArgument,
             spoilt(&|open| {
-                open.set_pose_source(v1::PoseSource::Estimated);
+                open.pose_source = 9;
             }),
         ),
     ];

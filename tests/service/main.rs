@@ -6,3 +6,4 @@ mod end_to_end;
 mod evaluate;
 mod outside;
 mod shutdown;
+mod tracking;

@@ -34,7 +34,8 @@ pub enum Poses {
     /// From the data set
     #[default]
     Given,
-    /// The server tracks the camera itself
+    /// The server tracks the camera itself; the data set only says where the first frame is
+    #[value(alias = "estimated")]
     Estimate,
 }
 

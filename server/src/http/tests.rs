@@ -107,6 +107,7 @@ fn wall() -> Frame {
         rgb: (0..pixels).flat_map(rgb).collect::<Vec<u8>>().into(),
         depth_metres: vec![2.0; pixels].into(),
         world_from_camera: Some(Isometry3::identity()),
+        hint: None,
     }
 }
 

@@ -1,6 +1,6 @@
 //! gRPC statuses: the standard codes, with `google.rpc.BadRequest` details that name the field.
 
-use super::convert::{OpenError, Refusal};
+use super::convert::Refusal;
 use crate::export::ExportError;
 use crate::pipeline::map::MapError;
 use crate::pipeline::query::QueryError;
@@ -57,17 +57,6 @@ pub(super) fn at_field(code: Code, message: &str, field: &str, description: &str
 /// `INVALID_ARGUMENT` for what did not pass a check.
 pub(super) fn refused(refusal: &Refusal) -> Status {
     at_field(Code::InvalidArgument, &refusal.to_string(), &refusal.field, &refusal.reason)
-}
-
-/// For a stream that is not opened.
-pub(super) fn not_opened(error: &OpenError) -> Status {
-    match error {
-        OpenError::Refused(refusal) => refused(refusal),
-        OpenError::EstimatedPoses => {
-            let message = error.to_string();
-            at_field(Code::Unimplemented, &message, "pose_source", &message)
-        }
-    }
 }
 
 /// For what a map answers; `field` is where its name stood.

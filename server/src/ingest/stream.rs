@@ -89,7 +89,7 @@ async fn open(
         None => return Err(out_of_place("open", "the stream is empty")),
     };
     let opening =
-        convert::opening(&open, &service.limits).map_err(|error| status::not_opened(&error))?;
+        convert::opening(&open, &service.limits).map_err(|refusal| status::refused(&refusal))?;
     let engine = service.engine.clone();
     let name = open.map.clone();
     // Making a map takes device memory and a thread.
@@ -257,6 +257,7 @@ impl Acknowledger {
 
 fn outcome_ack(outcome: &FrameOutcome) -> FrameAck {
     let status = match outcome.tracking {
+        TrackingState::Tracking if outcome.relocalised => FrameStatus::Relocalised,
         TrackingState::Tracking => FrameStatus::Tracked,
         TrackingState::Lost | TrackingState::Empty => FrameStatus::Lost,
     };

@@ -146,11 +146,10 @@ async fn a_stream_must_open_properly() {
     let status = refusal(Message::Open(open)).await;
     assert_eq!(status.code(), Code::InvalidArgument);
     assert!(status.message().contains("intrinsics") && !status.details().is_empty(), "{status}");
-    let pose_source = v1::PoseSource::Estimated.into();
-    let open = OpenMap { pose_source, ..open_message("ingest-open") };
+    let open = OpenMap { pose_source: 9, ..open_message("ingest-open") };
     let status = refusal(Message::Open(open)).await;
-    assert_eq!(status.code(), Code::Unimplemented);
-    assert!(status.message().contains("estimating poses is not there yet"), "{status}");
+    assert_eq!(status.code(), Code::InvalidArgument);
+    assert!(status.message().contains("POSE_SOURCE_ESTIMATED"), "{status}");
     let (mut stream, _) = server.opened("ingest-open").await;
     stream.send(Message::Open(open_message("ingest-open"))).await;
     assert_eq!(stream.ack().await.unwrap_err().code(), Code::InvalidArgument);

@@ -7,6 +7,7 @@ use super::mapper::{self, MapperConfig};
 use super::network::{Bundle, BundleError};
 use super::query::{Answer, Picture, Query, QueryConfig, QueryError, QueryThread, RenderRequest};
 use super::snapshot::MapSnapshot;
+use super::tracker::TrackerConfig;
 use lexsplat_gpu::{Gpu, GpuError};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -24,6 +25,8 @@ pub struct PipelineConfig {
     pub language: LanguageConfig,
     /// The online stage.
     pub compressor: CompressorConfig,
+    /// Estimated poses.
+    pub tracker: TrackerConfig,
     /// The mapper.
     pub mapper: MapperConfig,
     /// Queries.

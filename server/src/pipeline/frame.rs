@@ -3,7 +3,7 @@
 //! A [`Frame`] is only made by `ingest`, which has checked everything about it; nothing behind that
 //! edge checks again. Wire types never get here.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
 
 /// Pinhole intrinsics in pixels; the centre of the top-left pixel is (0, 0).
@@ -53,6 +53,18 @@ pub struct Frame {
     pub depth_metres: Arc<[f32]>,
     /// The given pose, rigid and finite; `None` if the server is to track.
     pub world_from_camera: Option<Isometry3<f64>>,
+    /// What the robot thinks, where the server is to track.
+    pub hint: Option<Box<PoseHint>>,
+}
+
+/// Where a robot thinks that it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseHint {
+    /// The pose, rigid and finite.
+    pub world_from_camera: Isometry3<f64>,
+    /// Covariance of a left perturbation [rho metres, theta radians], finite, symmetric, with no
+    /// negative eigenvalue; `None`: no more than a place to put a map's first frame.
+    pub covariance: Option<Matrix6<f64>>,
 }
 
 /// What the tracker says of a frame.
@@ -84,6 +96,8 @@ pub struct FrameOutcome {
     pub sequence: u64,
     /// Whether it has a pose.
     pub tracking: TrackingState,
+    /// Whether the frame before had none, so that the pose was found anew.
+    pub relocalised: bool,
     /// Its pose, if tracked.
     pub world_from_camera: Option<Isometry3<f64>>,
     /// Whether the map took it as a keyframe.

@@ -15,3 +15,4 @@ pub mod query;
 pub mod snapshot;
 pub mod srd;
 pub mod tracker;
+mod working;

@@ -25,9 +25,12 @@ use std::time::Duration;
 #[command(after_help = "Examples:\n  lexsplat demo\n  \
                         lexsplat demo --dataset replica:room0 --stride 4 --ask 'blue sofa' --keep")]
 pub struct Demo {
-    /// replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED]; its poses are used
+    /// replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED]
     #[arg(long, value_name = "KIND:PATH", default_value = "synthetic:7")]
     dataset: DatasetSpec,
+    /// Where poses come from
+    #[arg(long, value_enum, default_value_t = Poses::Given)]
+    poses: Poses,
     /// Ask this instead of the usual five questions; may be repeated
     #[arg(long, value_name = "TEXT")]
     ask: Vec<String>,
@@ -96,7 +99,13 @@ async fn show_all(
     println!("server on {}, networks {}", ready.adapter, ready.bundle);
     let client = HttpClient::new(&ready.http)?;
     let map = dataset.name().to_owned();
-    let made = map_it(&ready.grpc, &map, dataset.clone()).await?;
+    let options = StreamOptions {
+        grpc: ready.grpc.clone(),
+        map: map.clone(),
+        poses: arguments.poses,
+        realtime: false,
+    };
+    let made = map_it(&options, dataset.clone()).await?;
     let status = settle(&client, &map).await?;
     let made =
         format!("{made}; {} Gaussians from {} keyframes", status.gaussians, status.keyframes);
@@ -123,11 +132,9 @@ async fn show_all(
 }
 
 /// Streams the data set; says what came of it.
-async fn map_it(grpc: &str, map: &str, dataset: Arc<dyn Dataset>) -> Result<String> {
-    let options =
-        StreamOptions { grpc: grpc.into(), map: map.into(), poses: Poses::Given, realtime: false };
+async fn map_it(options: &StreamOptions, dataset: Arc<dyn Dataset>) -> Result<String> {
     let bar = progress_bar(dataset.len() as u64);
-    let summary = stream(dataset, &options, |progress| show(&bar, progress)).await;
+    let summary = stream(dataset, options, |progress| show(&bar, progress)).await;
     match &summary {
         Ok(_) => bar.finish(),
         Err(_) => bar.abandon(),

@@ -10,9 +10,9 @@ mod depth;
 pub(crate) mod question;
 
 use crate::config::IngestConfig;
-use crate::pipeline::frame::{Frame, Intrinsics};
+use crate::pipeline::frame::{Frame, Intrinsics, PoseHint};
 use lexsplat_proto::v1;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix6};
 
 /// Numbers of a pose's covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
@@ -64,32 +64,26 @@ pub struct Opening {
     pub intrinsics: Intrinsics,
     /// Metres per unit of 16-bit depth; `None`: not given, so that only metres can come.
     pub depth_unit_metres: Option<f64>,
-}
-
-/// Why a stream is not opened.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    /// Something in the message is wrong.
-    #[error(transparent)]
-    Refused(#[from] Refusal),
-    /// The server cannot do this yet.
-    #[error("estimating poses is not there yet: send world_from_camera with POSE_SOURCE_GIVEN")]
-    EstimatedPoses,
+    /// Whether the server is to track the camera.
+    pub estimates_poses: bool,
 }
 
 /// Checks the opening message (not the map's name: the engine does).
 ///
 /// # Errors
-/// [`OpenError`] names the field.
-pub fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, OpenError> {
-    match v1::PoseSource::try_from(open.pose_source) {
-        Ok(v1::PoseSource::Unspecified | v1::PoseSource::Given) => {}
-        Ok(v1::PoseSource::Estimated) => return Err(OpenError::EstimatedPoses),
+/// [`Refusal`] names the field.
+pub fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, Refusal> {
+    let estimates_poses = match v1::PoseSource::try_from(open.pose_source) {
+        Ok(v1::PoseSource::Unspecified | v1::PoseSource::Given) => false,
+        Ok(v1::PoseSource::Estimated) => true,
         Err(_) => {
-            let reason = format!("unknown source {}, expected POSE_SOURCE_GIVEN", open.pose_source);
-            return Err(Refusal::new("pose_source", reason).into());
+            let reason = format!(
+                "unknown source {}, expected POSE_SOURCE_GIVEN or POSE_SOURCE_ESTIMATED",
+                open.pose_source
+            );
+            return Err(Refusal::new("pose_source", reason));
         }
-    }
+    };
     let wire = open.intrinsics.as_ref().ok_or_else(|| {
         Refusal::new("intrinsics", "missing: expected width, height, fx, fy, cx and cy in pixels")
     })?;
@@ -100,9 +94,10 @@ pub fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, OpenError
         let reason = format!(
             "expected metres per unit, above 0 and at most 1 (0.001 for millimetres), found {unit}"
         );
-        return Err(Refusal::new("depth_unit_metres", reason).into());
+        return Err(Refusal::new("depth_unit_metres", reason));
     }
-    Ok(Opening { intrinsics, depth_unit_metres: (unit > 0.0).then_some(unit) })
+    let depth_unit_metres = (unit > 0.0).then_some(unit);
+    Ok(Opening { intrinsics, depth_unit_metres, estimates_poses })
 }
 
 /// Checks a frame and decodes its images.
@@ -119,8 +114,14 @@ pub fn frame(
 ) -> Result<Frame, Refusal> {
     sequence(wire.sequence, newest)?;
     let intrinsics = opening.intrinsics;
-    let world_from_camera = given_pose(wire)?;
-    covariance(&wire.pose_covariance)?;
+    let pose = pose(wire, opening.estimates_poses)?;
+    let covariance = covariance(&wire.pose_covariance)?;
+    let (world_from_camera, hint) = match pose {
+        Some(world_from_camera) if opening.estimates_poses => {
+            (None, Some(Box::new(PoseHint { world_from_camera, covariance })))
+        }
+        given => (given, None),
+    };
     let rgb = color::decode(wire.color_format, &wire.color, intrinsics.width, intrinsics.height)?;
     let depth_metres = depth::decode(wire, opening, limits)?;
     Ok(Frame {
@@ -129,7 +130,8 @@ pub fn frame(
         intrinsics,
         rgb: rgb.into(),
         depth_metres: depth_metres.into(),
-        world_from_camera: Some(world_from_camera),
+        world_from_camera,
+        hint,
     })
 }
 
@@ -144,19 +146,22 @@ fn sequence(found: u64, newest: Option<u64>) -> Result<(), Refusal> {
     }
 }
 
-fn given_pose(wire: &v1::Frame) -> Result<Isometry3<f64>, Refusal> {
+/// The frame's pose, which may only be missing if the server is to track.
+fn pose(wire: &v1::Frame, may_miss: bool) -> Result<Option<Isometry3<f64>>, Refusal> {
     const FIELD: &str = "world_from_camera";
-    let pose = wire.world_from_camera.as_ref().ok_or_else(|| {
-        Refusal::new(FIELD, "missing: the stream was opened with POSE_SOURCE_GIVEN")
-    })?;
-    wire_pose(FIELD, pose)
+    match &wire.world_from_camera {
+        Some(pose) => wire_pose(FIELD, pose).map(Some),
+        None if may_miss => Ok(None),
+        None => Err(Refusal::new(FIELD, "missing: the stream was opened with POSE_SOURCE_GIVEN")),
+    }
 }
 
-/// A covariance is 36 finite numbers, symmetric, with no negative variance; or nothing.
-fn covariance(numbers: &[f64]) -> Result<(), Refusal> {
+/// A covariance is 36 finite numbers, symmetric, with no negative variance in any direction; or
+/// nothing.
+fn covariance(numbers: &[f64]) -> Result<Option<Matrix6<f64>>, Refusal> {
     let refuse = |reason: String| Err(Refusal::new("pose_covariance", reason));
     if numbers.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
     if numbers.len() != COVARIANCE_NUMBERS {
         return refuse(format!("expected 0 or 36 numbers, found {}", numbers.len()));
@@ -177,7 +182,13 @@ fn covariance(numbers: &[f64]) -> Result<(), Refusal> {
             }
         }
     }
-    Ok(())
+    let matrix = Matrix6::from_row_slice(numbers);
+    let matrix = (matrix + matrix.transpose()) * 0.5;
+    let variances = matrix.symmetric_eigenvalues();
+    if variances.min() < -1e-6 * variances.max() {
+        return refuse(format!("expected no negative eigenvalue, found {}", variances.min()));
+    }
+    Ok(Some(matrix))
 }
 
 /// Checks wire intrinsics; `field` is where they stand.

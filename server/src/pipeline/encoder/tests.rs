@@ -15,6 +15,7 @@ fn frame(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 3]) -> Frame 
         depth_metres: vec![0.0; (width * height) as usize].into(),
         rgb: rgb.into(),
         world_from_camera: None,
+        hint: None,
     }
 }
 

@@ -4,7 +4,8 @@
 //! of the image. Their language heads start as their colour heads, with codes of zeros ("no
 //! language yet").
 
-use super::keyframe::{Keyframe, Working};
+use super::super::working::Working;
+use super::keyframe::Keyframe;
 use super::{Mapper, MapperConfig};
 use lexsplat_gpu::{ColourImage, GpuError, HostGaussians, HostHead};
 
@@ -18,7 +19,8 @@ impl Mapper {
     pub(super) fn insert(&mut self, keyframe: &Keyframe) -> Result<(), GpuError> {
         let rendered = self.renderer.render_colour(&self.gaussians, &keyframe.working.camera)?;
         let room = self.config.max_gaussians.saturating_sub(self.gaussians.len());
-        let born = unexplained(&keyframe.working, &rendered, &self.config);
+        let seen = keyframe.in_map_colours();
+        let born = unexplained(&seen, &rendered, &self.config);
         let kept = born.len().min(room);
         if kept < born.len() {
             tracing::warn!(
@@ -27,8 +29,7 @@ impl Mapper {
                 "mapper.max_gaussians is reached"
             );
         }
-        let newborns =
-            newborns(&keyframe.working, &born[..kept], &self.config, self.online.code_size());
+        let newborns = newborns(&seen, &born[..kept], &self.config, self.online.code_size());
         self.gaussians.append(&newborns)?;
         self.changed = true;
         Ok(())
@@ -138,7 +139,11 @@ mod tests {
             cy: 2.5,
             camera_from_world: Isometry3::identity(),
         };
-        Working { camera, rgb: vec![128; SIZE * SIZE * 3], depth_metres: vec![2.0; SIZE * SIZE] }
+        Working {
+            camera,
+            rgb: vec![128; SIZE * SIZE * 3].into(),
+            depth_metres: vec![2.0; SIZE * SIZE].into(),
+        }
     }
 
     /// What a map that explains [`working`] perfectly would render.
@@ -178,7 +183,7 @@ mod tests {
 
     #[test]
     fn nothing_is_inserted_without_a_measurement() {
-        let blind = Working { depth_metres: vec![0.0; SIZE * SIZE], ..working() };
+        let blind = Working { depth_metres: vec![0.0; SIZE * SIZE].into(), ..working() };
         let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&blind, &open), 0);
     }

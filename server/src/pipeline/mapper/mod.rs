@@ -10,6 +10,8 @@ mod keyframe;
 mod language;
 mod optimise;
 mod prune;
+mod refine;
+mod trajectory;
 
 pub use config::MapperConfig;
 
@@ -18,8 +20,8 @@ use super::encoder::{LanguageMap, LanguageThread};
 use super::engine::PipelineConfig;
 use super::frame::{Frame, FrameOutcome};
 use super::map::{Event, Map};
-use super::snapshot::{KeyframeInfo, MapSnapshot, TrackedFrame};
-use super::tracker::{GivenPoses, Tracker};
+use super::snapshot::{KeyframeInfo, MapSnapshot};
+use super::tracker::{Scene, Tracked, Tracker, TrackerConfig};
 use keyframe::Keyframe;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer};
 use rand::SeedableRng;
@@ -30,6 +32,7 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
+use trajectory::Trajectory;
 
 /// Which random views are replayed is the same in every run.
 const REPLAY_SEED: u64 = 0x5eed;
@@ -65,19 +68,22 @@ pub(super) fn spawn(
         gpu: gpu.clone(),
         map: map.clone(),
         language: language.clone(),
-        tracker: Box::new(GivenPoses::new()),
+        tracker: Tracker::new(gpu, &config.tracker),
+        tracker_config: config.tracker.clone(),
         online,
         renderer,
         gaussians,
         keyframes: Vec::new(),
-        trajectory: Vec::new(),
+        trajectory: Trajectory::default(),
         awaiting_language: VecDeque::new(),
         language_in_flight: 0,
         steps_left: 0,
         steps_done: 0,
         ordered_len: 0,
         revision: 0,
+        published: Arc::default(),
         changed: false,
+        moved: false,
         published_at: Instant::now(),
         rng: ChaCha8Rng::seed_from_u64(REPLAY_SEED),
     };
@@ -94,12 +100,13 @@ struct Mapper {
     gpu: Gpu,
     map: Arc<Map>,
     language: Arc<LanguageThread>,
-    tracker: Box<dyn Tracker>,
+    tracker: Tracker,
+    tracker_config: TrackerConfig,
     online: Box<dyn OnlineStage>,
     renderer: Renderer,
     gaussians: Gaussians,
     keyframes: Vec<Keyframe>,
-    trajectory: Vec<TrackedFrame>,
+    trajectory: Trajectory,
     /// Keyframes that the language thread had no room for yet, oldest first.
     awaiting_language: VecDeque<Frame>,
     language_in_flight: usize,
@@ -109,7 +116,11 @@ struct Mapper {
     /// Size of the map when it was last brought into spatial order.
     ordered_len: usize,
     revision: u64,
+    /// The map as readers have it.
+    published: Arc<HostGaussians>,
     changed: bool,
+    /// Frames were tracked that readers do not know of.
+    moved: bool,
     published_at: Instant,
     rng: ChaCha8Rng,
 }
@@ -141,7 +152,7 @@ impl Mapper {
                 return;
             }
         }
-        if self.changed
+        if (self.changed || self.moved)
             && let Err(error) = self.publish()
         {
             tracing::error!(map = self.map.name(), %error, "no last snapshot");
@@ -192,23 +203,17 @@ impl Mapper {
     /// One frame's way through the map.
     fn map_frame(&mut self, frame: Frame) -> Result<FrameOutcome, GpuError> {
         let sequence = frame.sequence;
-        let world_from_camera = self.tracker.track(&frame);
+        let mut scene = Scene { renderer: &mut self.renderer, gaussians: &self.gaussians };
+        let tracked = self.tracker.track(&frame, &mut scene)?;
         let mut is_keyframe = false;
-        if let Some(world_from_camera) = world_from_camera {
-            let tracked = TrackedFrame {
-                sequence,
-                timestamp_nanos: frame.timestamp_nanos,
-                world_from_camera,
-            };
-            self.trajectory.push(tracked);
-            is_keyframe = self.is_keyframe(&frame, &world_from_camera);
+        if let Some(tracked) = &tracked {
+            is_keyframe = self.is_keyframe(&frame, &tracked.world_from_camera);
+            let times = (sequence, frame.timestamp_nanos);
             if is_keyframe {
-                let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
-                self.insert(&keyframe)?;
-                self.keyframes.push(keyframe);
-                self.awaiting_language.push_back(frame);
-                self.steps_left += self.config.steps_per_keyframe;
+                self.add_keyframe(frame, tracked)?;
             }
+            self.trajectory.push(times, &tracked.world_from_camera, &self.keyframes);
+            self.moved = true;
             for _ in 0..self.config.steps_per_frame.min(self.steps_left) {
                 self.optimise_once()?;
             }
@@ -216,10 +221,21 @@ impl Mapper {
         Ok(FrameOutcome {
             sequence,
             tracking: self.tracker.state(),
-            world_from_camera,
+            relocalised: tracked.is_some_and(|tracked| tracked.relocalised),
+            world_from_camera: tracked.map(|tracked| tracked.world_from_camera),
             keyframe: is_keyframe,
             revision: self.revision,
         })
+    }
+
+    fn add_keyframe(&mut self, frame: Frame, tracked: &Tracked) -> Result<(), GpuError> {
+        let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
+        self.insert(&keyframe)?;
+        self.tracker.add_keyframe(&frame, &keyframe.working, tracked);
+        self.keyframes.push(keyframe);
+        self.awaiting_language.push_back(frame);
+        self.steps_left += self.config.steps_per_keyframe;
+        Ok(())
     }
 
     /// After each turn: hand keyframes to the networks, tell readers, say whether work is left.
@@ -229,7 +245,7 @@ impl Mapper {
             !self.has_work() && self.awaiting_language.is_empty() && self.language_in_flight == 0;
         let due =
             self.published_at.elapsed() >= Duration::from_secs_f64(self.config.snapshot_seconds);
-        if self.changed && (idle || due) {
+        if (self.changed || self.moved) && (idle || due) {
             self.publish()?;
         }
         self.map.counters.working.store(!idle, Ordering::Release);
@@ -256,8 +272,11 @@ impl Mapper {
 
     /// Copies the map for readers.
     fn publish(&mut self) -> Result<(), GpuError> {
-        self.renderer.settle(&mut self.gaussians)?;
-        self.revision += 1;
+        if self.changed {
+            self.renderer.settle(&mut self.gaussians)?;
+            self.published = Arc::new(self.gaussians.to_host()?);
+            self.revision += 1;
+        }
         let info = |keyframe: &Keyframe| KeyframeInfo {
             frame: keyframe.frame,
             intrinsics: keyframe.intrinsics,
@@ -272,13 +291,13 @@ impl Mapper {
         self.map.publish(MapSnapshot {
             map: self.map.name().to_owned(),
             revision: self.revision,
-            gaussians: Arc::new(self.gaussians.to_host()?),
+            gaussians: self.published.clone(),
             online: Arc::from(self.online.boxed_clone()),
             intrinsics: self.keyframes.first().map(|keyframe| keyframe.intrinsics),
-            trajectory: Arc::new(self.trajectory.clone()),
+            trajectory: Arc::new(self.trajectory.frames(&self.keyframes)),
             keyframes: Arc::new(self.keyframes.iter().map(info).collect()),
         });
-        self.changed = false;
+        (self.changed, self.moved) = (false, false);
         self.published_at = Instant::now();
         Ok(())
     }

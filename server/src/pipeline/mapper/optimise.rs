@@ -20,11 +20,14 @@ impl Mapper {
             camera: &keyframe.working.camera,
             colour: Some(&keyframe.target),
             language: language.map(|generic| (&generic.camera, &generic.target)),
-            exposure: [0.0; 2],
+            exposure: keyframe.exposure,
         };
         let (weights, rates) = (weights(&self.config), rates(&self.config));
         self.renderer.step(&mut self.gaussians, &view, &weights, &rates)?;
         self.changed = true;
+        if self.is_refined(at) {
+            self.refine(at)?;
+        }
         if self.steps_done.is_multiple_of(self.config.prune_every.max(1)) {
             self.prune()?;
         }

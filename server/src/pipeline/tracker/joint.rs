@@ -1,0 +1,152 @@
+//! One alignment with several references at once: the sum of their normal systems.
+//!
+//! All references see the same unknowns: base_from_live, a perturbation tau of it on the left, and
+//! the exposure (a, b) that makes the live intensity the map's. Reference i, at
+//! X = reference_from_base and with an exposure (c, d) of its own (map = exp(c) I_i + d), sees
+//!
+//! - reference_from_live = X base_from_live, perturbed by Ad(X) tau,
+//! - I_i = exp(a - c) live + (b - d) exp(-c),
+//!
+//! so that with A = diag(Ad(X), 1, exp(-c)) its system adds A^T H A and A^T g.
+//!
+//! Exposure is a gain: b stays where it starts. With both free, noise in the pictures makes each
+//! keyframe's contrast a percent too low (regression dilution), and along a walk that adds up.
+
+use lexsplat_gpu::{
+    AlignSettings, Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule,
+};
+use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
+
+/// Information of b, far above what pictures bring.
+const OFFSET_INFORMATION: f64 = 1e12;
+
+/// What a frame is compared with.
+#[derive(Clone, Copy)]
+pub(super) struct Reference<'a> {
+    /// The picture.
+    pub pyramid: &'a Pyramid,
+    /// Where it was taken.
+    pub world_from_reference: Isometry3<f64>,
+    /// (c, d): the map's intensity = exp(c) of the picture's + d.
+    pub exposure: [f64; 2],
+    /// How much it counts.
+    pub weight: f64,
+}
+
+/// Aligns a frame with all references, coarse to fine; each reference's own system at the end.
+///
+/// # Errors
+/// Those of the device.
+pub(super) fn align(
+    aligner: &mut Aligner,
+    (references, live): (&[Reference<'_>], &Pyramid),
+    world_from_base: &Isometry3<f64>,
+    start: &Estimate,
+    schedule: &Schedule,
+) -> Result<(Aligned, Vec<NormalSystem>), GpuError> {
+    let seen: Vec<Seen> =
+        references.iter().map(|reference| Seen::of(reference, world_from_base)).collect();
+    let mut each = |level: usize, estimate: &Estimate| {
+        let settings = at_level(&schedule.settings, level);
+        let system = |(reference, seen): (&Reference<'_>, &Seen)| {
+            let levels = (&reference.pyramid.levels()[level], &live.levels()[level]);
+            aligner.system(levels.0, levels.1, &seen.estimate(estimate), &settings)
+        };
+        references.iter().zip(&seen).map(system).collect::<Result<Vec<_>, GpuError>>()
+    };
+    // Systems of the finest level, with where they were taken: the last accepted is among them.
+    let mut finest: Vec<(Estimate, Vec<NormalSystem>)> = Vec::new();
+    let aligned = lexsplat_gpu::align::align(start, schedule, |level, estimate| {
+        let systems = each(level, estimate)?;
+        let mut sum = NormalSystem::default();
+        sum.h[(7, 7)] = OFFSET_INFORMATION;
+        for ((system, reference), seen) in systems.iter().zip(references).zip(&seen) {
+            seen.add(&mut sum, system, reference.weight);
+        }
+        if level == 0 {
+            finest.push((*estimate, systems));
+        }
+        Ok::<_, GpuError>(sum)
+    })?;
+    let last = finest.into_iter().rev().find(|(estimate, _)| *estimate == aligned.estimate);
+    let systems = match last {
+        Some((_, systems)) => systems,
+        None => each(0, &aligned.estimate)?,
+    };
+    Ok((aligned, systems))
+}
+
+/// How a reference sees the unknowns.
+struct Seen {
+    reference_from_base: Isometry3<f64>,
+    exposure: [f64; 2],
+    jacobian: SMatrix<f64, 8, 8>,
+}
+
+impl Seen {
+    fn of(reference: &Reference<'_>, world_from_base: &Isometry3<f64>) -> Self {
+        let reference_from_base = reference.world_from_reference.inverse() * world_from_base;
+        let mut jacobian = SMatrix::<f64, 8, 8>::identity();
+        jacobian.fixed_view_mut::<6, 6>(0, 0).copy_from(&adjoint(&reference_from_base));
+        jacobian[(7, 7)] = (-reference.exposure[0]).exp();
+        Self { reference_from_base, exposure: reference.exposure, jacobian }
+    }
+
+    fn estimate(&self, estimate: &Estimate) -> Estimate {
+        let ([a, b], [c, d]) = (estimate.exposure, self.exposure);
+        Estimate {
+            reference_from_live: self.reference_from_base * estimate.reference_from_live,
+            exposure: [a - c, (b - d) * (-c).exp()],
+        }
+    }
+
+    fn add(&self, sum: &mut NormalSystem, system: &NormalSystem, weight: f64) {
+        sum.h += self.jacobian.transpose() * system.h * self.jacobian * weight;
+        sum.g += self.jacobian.transpose() * system.g * weight;
+        sum.photometric_cost += weight * system.photometric_cost;
+        sum.geometric_cost += weight * system.geometric_cost;
+        let (all, one) = (&mut sum.counts, &system.counts);
+        all.live += one.live;
+        all.inside += one.inside;
+        all.photometric += one.photometric;
+        all.geometric += one.geometric;
+        all.photometric_inliers += one.photometric_inliers;
+        all.geometric_inliers += one.geometric_inliers;
+    }
+}
+
+/// The depth gate doubles with each coarser level, where the way to go may still be long.
+fn at_level(settings: &AlignSettings, level: usize) -> AlignSettings {
+    AlignSettings { depth_gate: settings.depth_gate * (1u64 << level) as f64, ..*settings }
+}
+
+/// [R, [t]x R; 0, R]: T Exp(tau) = Exp(Ad tau) T for tau = [rho, theta].
+pub(super) fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
+    let rotation: Matrix3<f64> = motion.rotation.to_rotation_matrix().into_inner();
+    let mut adjoint = Matrix6::zeros();
+    adjoint.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+    adjoint.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+    let cross = motion.translation.vector.cross_matrix();
+    adjoint.fixed_view_mut::<3, 3>(0, 3).copy_from(&(cross * rotation));
+    adjoint
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lexsplat_gpu::align::se3;
+    use nalgebra::Vector6;
+
+    #[test]
+    fn the_adjoint_carries_a_perturbation_to_the_other_side() {
+        let motion = se3::exp(&Vector6::new(0.4, -0.2, 0.3, 0.5, -0.8, 0.2));
+        let tau = Vector6::new(0.1, 0.2, -0.1, 0.05, -0.1, 0.2);
+        let left = motion * se3::exp(&tau);
+        let right = |tau: Vector6<f64>| se3::exp(&tau) * motion;
+        let off = |a: &Isometry3<f64>, b: &Isometry3<f64>| {
+            (a.to_homogeneous() - b.to_homogeneous()).norm()
+        };
+        assert!(off(&left, &right(adjoint(&motion) * tau)) < 1e-9);
+        assert!(off(&left, &right(tau)) > 0.01, "it is not the same perturbation");
+    }
+}

@@ -1,0 +1,82 @@
+//! Constant velocity: where the camera is likely to be next.
+//!
+//! In: tracked poses with their times. Out: the pose on the same screw after the next interval. A
+//! lost frame is not told, so it does not move the velocity.
+
+use lexsplat_gpu::align::se3;
+use nalgebra::{Isometry3, Vector6};
+
+/// A pause of more frames than this is not bridged at full speed: by then the camera may have
+/// turned back.
+pub(super) const SHORT_PAUSE: f64 = 3.0;
+/// The longest pause that may be bridged at all.
+pub(super) const LONG_PAUSE: f64 = 45.0;
+
+/// The newest tracked pose and the way it came.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Motion {
+    last: Option<(Isometry3<f64>, u64)>,
+    /// Twist from the pose before to the last one in the camera's frame, and its nanoseconds.
+    way: Option<(Vector6<f64>, u64)>,
+}
+
+impl Motion {
+    /// The newest tracked pose.
+    pub fn last(&self) -> Option<Isometry3<f64>> {
+        self.last.map(|(pose, _)| pose)
+    }
+
+    /// `world_from_camera` at a time, but at most `longest` frames ahead, if any pose is known.
+    pub fn predict(&self, nanos: u64, longest: f64) -> Option<Isometry3<f64>> {
+        let (pose, since) = self.last?;
+        let Some((twist, interval)) = self.way else { return Some(pose) };
+        let pause = nanos.saturating_sub(since) as f64;
+        let share =
+            if interval > 0 && pause > 0.0 { (pause / interval as f64).min(longest) } else { 1.0 };
+        Some(pose * se3::exp(&(twist * share)))
+    }
+
+    /// A frame was tracked, the one before it too.
+    pub fn follow(&mut self, world_from_camera: Isometry3<f64>, nanos: u64) {
+        self.way = self.last.map(|(last, since)| {
+            let twist = se3::log(&(last.inverse() * world_from_camera));
+            (twist, nanos.saturating_sub(since))
+        });
+        self.last = Some((world_from_camera, nanos));
+    }
+
+    /// The camera is here, and how it came is not known.
+    pub fn restart(&mut self, world_from_camera: Isometry3<f64>, nanos: u64) {
+        *self = Self { last: Some((world_from_camera, nanos)), way: None };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn screw(times: f64) -> Isometry3<f64> {
+        se3::exp(&(Vector6::new(0.03, -0.01, 0.02, 0.02, 0.05, -0.03) * times))
+    }
+
+    fn off(motion: &Motion, nanos: u64, wanted: &Isometry3<f64>) -> f64 {
+        let found = motion.predict(nanos, SHORT_PAUSE).expect("a pose is known");
+        (found.to_homogeneous() - wanted.to_homogeneous()).norm()
+    }
+
+    #[test]
+    fn a_screw_goes_on() {
+        let mut motion = Motion::default();
+        assert!(motion.predict(0, SHORT_PAUSE).is_none());
+        motion.follow(screw(0.0), 0);
+        assert!(off(&motion, 10, &screw(0.0)) < 1e-12, "one pose has no velocity");
+        motion.follow(screw(1.0), 10);
+        assert!(off(&motion, 20, &screw(2.0)) < 1e-9);
+        assert!(off(&motion, 30, &screw(3.0)) < 1e-9, "a frame is missing");
+        assert!(off(&motion, 20, &screw(1.0)) > 0.03, "and standing still is another answer");
+        assert!(off(&motion, 10_000, &screw(4.0)) < 1e-9, "a long pause is cut");
+        assert!(off(&motion, 10, &screw(2.0)) < 1e-9, "without times, one frame is one step");
+        motion.restart(screw(5.0), 20);
+        assert!(off(&motion, 30, &screw(5.0)) < 1e-12, "a restart stands still");
+    }
+}
