@@ -14,7 +14,7 @@
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> slot_from_sorted: array<u32>;
-@group(0) @binding(3) var<storage, read> gaussian_from_slot: array<u32>;
+@group(0) @binding(3) var<storage, read> gaussian_from_sorted: array<u32>;
 @group(0) @binding(4) var<storage, read> splats: array<Splat>;
 @group(0) @binding(5) var<storage, read> features: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> pixels: array<PixelState>;
@@ -150,13 +150,13 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     }
     while stop > range.x {
         let start = max(stop, range.x + BATCH) - BATCH;
-        let slot = publish_hits(start, stop, lane);
+        publish_hits(start, stop, lane);
         meet();
         //repeat j BATCH
         add_hit(start + BATCH - 1u - $j, BATCH - 1u - $j, corner, lane);
         //end
         meet();
-        if lane < stop - start { store_record(slot, lane); }
+        if lane < stop - start { store_record(slot_from_sorted[start + lane], lane); }
         stop = start;
     }
 }

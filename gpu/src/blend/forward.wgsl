@@ -5,12 +5,11 @@
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;
-@group(0) @binding(2) var<storage, read> slot_from_sorted: array<u32>;
-@group(0) @binding(3) var<storage, read> gaussian_from_slot: array<u32>;
-@group(0) @binding(4) var<storage, read> splats: array<Splat>;
-@group(0) @binding(5) var<storage, read> features: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> image: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> pixels: array<PixelState>;
+@group(0) @binding(2) var<storage, read> gaussian_from_sorted: array<u32>;
+@group(0) @binding(3) var<storage, read> splats: array<Splat>;
+@group(0) @binding(4) var<storage, read> features: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> image: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> pixels: array<PixelState>;
 
 var<private> open: array<vec4<bool>, STRIPS>;
 var<private> transmittance: array<vec4<f32>, STRIPS>;

@@ -45,14 +45,10 @@ impl Lists<'_> {
         self.arguments.tiles[0] * self.arguments.tiles[1]
     }
 
-    /// The four buffers that every blend binds first.
+    /// Ranges, slots, Gaussians and splats.
     fn buffers(&self) -> [&wgpu::Buffer; 4] {
-        [
-            &self.hits.ranges,
-            self.hits.slot_from_sorted(),
-            &self.hits.gaussian_from_slot,
-            self.splats,
-        ]
+        let hits = self.hits;
+        [&hits.ranges, hits.slot_from_sorted(), &hits.gaussian_from_sorted, self.splats]
     }
 }
 
@@ -90,7 +86,7 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
             if depth { "blend_colour" } else { "blend_language" },
             include_str!("forward.wgsl"),
             (chunk, 0),
-            vec![Read, Read, Read, Read, Read, Write, Write],
+            vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
             if depth { "touch_colour" } else { "touch_language" },
@@ -130,9 +126,8 @@ impl Blend {
         features: &Buffer<Row>,
         (image, pixels): (&Buffer<Row>, &Buffer<PixelState>),
     ) {
-        let [ranges, slots, gaussians, splats] = lists.buffers();
-        let buffers: [&wgpu::Buffer; 7] =
-            [ranges, slots, gaussians, splats, features, image, pixels];
+        let [ranges, _, gaussians, splats] = lists.buffers();
+        let buffers: [&wgpu::Buffer; 6] = [ranges, gaussians, splats, features, image, pixels];
         for chunk in 0..self.chunks {
             let arguments = PassArguments { chunk, ..*lists.arguments };
             recorder.dispatch(&self.forward, &arguments, &buffers, lists.tiles());

@@ -5,7 +5,7 @@
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> slot_from_sorted: array<u32>;
-@group(0) @binding(3) var<storage, read> gaussian_from_slot: array<u32>;
+@group(0) @binding(3) var<storage, read> gaussian_from_sorted: array<u32>;
 @group(0) @binding(4) var<storage, read> splats: array<Splat>;
 @group(0) @binding(5) var<storage, read> pixels: array<PixelState>;
 @group(0) @binding(6) var<storage, read_write> records: array<vec4<f32>>;
@@ -50,12 +50,14 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     }
     //end
     for (var start = range.x; start < range.y; start += BATCH) {
-        let slot = publish_hits(start, range.y, lane);
+        publish_hits(start, range.y, lane);
         meet();
         //repeat j BATCH
         add_hit(start + $j, $j, corner, lane);
         //end
         meet();
-        if lane < BATCH && start + lane < range.y { records[slot] = record_row(0u, lane); }
+        if lane < BATCH && start + lane < range.y {
+            records[slot_from_sorted[start + lane]] = record_row(0u, lane);
+        }
     }
 }

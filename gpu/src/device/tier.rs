@@ -59,7 +59,7 @@ impl Tier {
     /// How sorts are spread over threads.
     pub fn sort_shape(self) -> SortShape {
         match self {
-            Tier::Software => SortShape::FEW_THREADS,
+            Tier::Software => SortShape::of_this_machine(),
             Tier::Portable | Tier::Subgroup { .. } => SortShape::MANY_THREADS,
         }
     }

@@ -1,8 +1,7 @@
 /// Loads the hits from `start` on, one per lane, and hands round their splats and CHUNK rows of
-/// their features; hits from `end` on are too faint to be drawn. Returns this lane's slot.
-fn publish_hits(start: u32, end: u32, lane: u32) -> u32 {
-    let slot = slot_from_sorted[min(start + lane % BATCH, end - 1u)];
-    let gaussian = gaussian_from_slot[slot];
+/// their features; hits from `end` on are too faint to be drawn.
+fn publish_hits(start: u32, end: u32, lane: u32) {
+    let gaussian = gaussian_from_sorted[min(start + lane % BATCH, end - 1u)];
     var form = splats[gaussian].form;
     form.y = select(-HUGE, form.y, start + lane < end);
     publish(0u, splats[gaussian].place, lane);
@@ -20,5 +19,4 @@ fn publish_hits(start: u32, end: u32, lane: u32) -> u32 {
         publish(2u + $row, feature, lane);
     }
     //end
-    return slot;
 }

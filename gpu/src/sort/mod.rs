@@ -30,19 +30,29 @@ pub struct SortShape {
 }
 
 impl SortShape {
-    /// For adapters with a handful of threads.
-    pub const FEW_THREADS: Self = Self { runs: 64, group: 8, bits: 12 };
+    /// For adapters with a handful of threads: two cores of eight lanes.
+    pub const FEW_THREADS: Self = Self { runs: 16, group: 8, bits: 12 };
     /// For adapters with thousands.
     pub const MANY_THREADS: Self = Self { runs: 16_384, group: 64, bits: 5 };
 
     /// Whether lists are better made by counting the hits of each run in each tile.
     pub const fn counts_tiles(&self) -> bool {
-        self.runs <= Self::FEW_THREADS.runs
+        self.group == Self::FEW_THREADS.group
     }
 
-    /// Passes over keys of `bits` bits, and the bits that each takes.
-    fn passes(&self, bits: u32) -> (u32, u32) {
-        let passes = bits.div_ceil(self.bits).max(1);
+    /// As [`SortShape::FEW_THREADS`], for the processors of this machine.
+    pub fn of_this_machine() -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+        let runs = Self::FEW_THREADS.group * (cores as u32).clamp(2, 8);
+        Self { runs, ..Self::FEW_THREADS }
+    }
+
+    /// Passes over keys of `bits` bits, and the bits that each takes; digits are the wider the more
+    /// elements there may be, since the table of digits and runs must be scanned in each pass.
+    fn passes(&self, bits: u32, capacity: usize) -> (u32, u32) {
+        let rows = capacity / (2 * self.runs_for(capacity).max(1) as usize);
+        let widest = rows.max(1).ilog2().clamp(self.bits.min(8), self.bits);
+        let passes = bits.div_ceil(widest).max(1);
         (passes, bits.div_ceil(passes).max(1))
     }
 
@@ -148,7 +158,7 @@ impl Sort {
     pub fn buffers(&self, gpu: &Gpu, capacity: usize, bits: u32) -> Result<SortBuffers, GpuError> {
         let side = |label| Buffer::new(gpu, label, capacity);
         let runs = self.shape.runs_for(capacity);
-        let (passes, bits) = self.shape.passes(bits);
+        let (passes, bits) = self.shape.passes(bits, capacity);
         let table = (runs as usize) << bits;
         Ok(SortBuffers {
             keys: [side("sort keys")?, side("sort keys")?],
@@ -220,9 +230,11 @@ mod tests {
     fn passes_cover_all_bits_with_digits_that_fit() {
         for shape in [SortShape::FEW_THREADS, SortShape::MANY_THREADS] {
             for bits in 0..=32 {
-                let (passes, digit) = shape.passes(bits);
-                assert!(passes * digit >= bits && digit <= shape.bits, "{bits}: {passes} {digit}");
-                assert!(passes >= 1 && digit >= 1);
+                for capacity in [1, 1000, 100_000, 20_000_000] {
+                    let (passes, digit) = shape.passes(bits, capacity);
+                    assert!(passes * digit >= bits && digit <= shape.bits, "{bits}: {passes}");
+                    assert!(passes >= 1 && digit >= 1);
+                }
             }
         }
     }

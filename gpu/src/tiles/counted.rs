@@ -10,9 +10,6 @@ use crate::scan::ScanScratch;
 use crate::shader::{Access, EXTENT, GRID, Shader};
 use crate::sort::Sort;
 
-/// Runs into which hits are cut, at least.
-const FEWEST_RUNS: usize = 32;
-
 /// The kernels.
 pub(super) struct Counted {
     count: Kernel,
@@ -57,7 +54,7 @@ impl Table {
         (gaussians, tiles): (usize, usize),
     ) -> Result<Self, GpuError> {
         let longest = capacity.max(gaussians);
-        let runs = longest.div_ceil(LONGEST_LOOP).max(FEWEST_RUNS);
+        let runs = longest.div_ceil(LONGEST_LOOP).max(gpu.sort_shape().runs as usize);
         let cells = tiles * runs;
         Ok(Self {
             runs: runs as u32,
@@ -108,7 +105,7 @@ impl Counted {
             slots,
             &table.cells,
             &table.slot_from_sorted,
-            &hits.gaussian_from_slot,
+            &hits.gaussian_from_sorted,
         ];
         recorder.dispatch(&self.place, arguments, &buffers, groups);
         let buffers: [&wgpu::Buffer; 2] = [&table.cells, &hits.ranges];

@@ -43,8 +43,8 @@ pub struct Hits {
     coverage_from_rank: Buffer<Coverage>,
     /// First slot of each rank; one more element than Gaussians.
     pub slot_from_rank: Buffer<u32>,
-    /// Gaussian of each slot.
-    pub gaussian_from_slot: Buffer<u32>,
+    /// Gaussian of each hit, by tile, then by depth.
+    pub gaussian_from_sorted: Buffer<u32>,
     /// First and end of each tile's list.
     pub ranges: Buffer<[u32; 2]>,
     /// How many there are.
@@ -111,7 +111,7 @@ impl Hits {
             group,
             coverage_from_rank: Buffer::new(gpu, "coverage by rank", gaussians)?,
             slot_from_rank: Buffer::new(gpu, "slots", gaussians + 1)?,
-            gaussian_from_slot: Buffer::new(gpu, "gaussian from slot", capacity)?,
+            gaussian_from_sorted: Buffer::new(gpu, "gaussian from sorted", capacity)?,
             ranges: Buffer::new(gpu, "tile ranges", tiles)?,
             count: Buffer::new(gpu, "hit count", 1)?,
         })
@@ -119,7 +119,7 @@ impl Hits {
 
     /// Number of hits that fit.
     pub fn capacity(&self) -> usize {
-        self.gaussian_from_slot.len()
+        self.gaussian_from_sorted.len()
     }
 
     /// Slots by tile, then by depth.
@@ -136,7 +136,7 @@ impl Hits {
             GroupBuffers::Sorted(keys) => keys.device_bytes(),
             GroupBuffers::Counted(table) => table.device_bytes(),
         };
-        group + self.slot_from_rank.size() + self.gaussian_from_slot.size() + self.ranges.size()
+        group + self.slot_from_rank.size() + self.gaussian_from_sorted.size() + self.ranges.size()
     }
 }
 

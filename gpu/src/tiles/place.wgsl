@@ -7,7 +7,7 @@
 @group(0) @binding(4) var<storage, read> slot_from_rank: array<u32>;
 @group(0) @binding(5) var<storage, read_write> table: array<u32>;
 @group(0) @binding(6) var<storage, read_write> slot_from_sorted: array<u32>;
-@group(0) @binding(7) var<storage, read_write> gaussian_from_slot: array<u32>;
+@group(0) @binding(7) var<storage, read_write> gaussian_from_sorted: array<u32>;
 
 var<private> own_run: u32;
 
@@ -15,7 +15,7 @@ fn visit(tile: u32, slot: u32, gaussian: u32) {
     let place = table[tile * pass_.runs + own_run];
     table[tile * pass_.runs + own_run] = place + 1u;
     slot_from_sorted[place] = slot;
-    gaussian_from_slot[slot] = gaussian;
+    gaussian_from_sorted[place] = gaussian;
 }
 
 @compute @workgroup_size(SORT_GROUP)

@@ -18,6 +18,7 @@ pub(super) struct Sorted {
 /// Tiles as keys, slots as payload.
 pub(super) struct Keys {
     sort: SortBuffers,
+    gaussian_from_slot: Buffer<u32>,
 }
 
 pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 2] {
@@ -28,7 +29,11 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 2] {
             vec![GRID, EXTENT, include_str!("walk.wgsl"), include_str!("emit.wgsl")],
             vec![Read, Read, Read, Read, Write, Write, Write, Write],
         ),
-        shader("tiles_ranges", vec![GRID, include_str!("ranges.wgsl")], vec![Read, Read, Write]),
+        shader(
+            "tiles_ranges",
+            vec![GRID, include_str!("ranges.wgsl")],
+            vec![Read, Read, Read, Read, Write, Write],
+        ),
     ]
 }
 
@@ -37,7 +42,10 @@ impl Keys {
     pub fn new(gpu: &Gpu, sort: &Sort, capacity: usize, tiles: usize) -> Result<Self, GpuError> {
         // One key more than tiles: the tile that does not exist.
         let key_bits = u32::BITS - (tiles as u32).leading_zeros();
-        Ok(Self { sort: sort.buffers(gpu, capacity, key_bits)? })
+        Ok(Self {
+            sort: sort.buffers(gpu, capacity, key_bits)?,
+            gaussian_from_slot: Buffer::new(gpu, "gaussian from slot", capacity)?,
+        })
     }
 
     pub fn slot_from_sorted(&self) -> &Buffer<u32> {
@@ -45,7 +53,7 @@ impl Keys {
     }
 
     pub fn device_bytes(&self) -> u64 {
-        self.sort.device_bytes()
+        self.sort.device_bytes() + self.gaussian_from_slot.size()
     }
 }
 
@@ -66,14 +74,21 @@ impl Sorted {
             &hits.slot_from_rank,
             &keys.sort.keys[0],
             &keys.sort.values[0],
-            &hits.gaussian_from_slot,
+            &keys.gaussian_from_slot,
             &hits.count,
         ];
         ranks.run(recorder, &self.emit, arguments, &emitted);
         sort.sort(recorder, &keys.sort, &hits.count);
         recorder.clear(&hits.ranges);
         let tiles = &keys.sort.keys[keys.sort.side()];
-        let buffers: [&wgpu::Buffer; 3] = [&hits.count, tiles, &hits.ranges];
+        let buffers: [&wgpu::Buffer; 6] = [
+            &hits.count,
+            tiles,
+            keys.slot_from_sorted(),
+            &keys.gaussian_from_slot,
+            &hits.gaussian_from_sorted,
+            &hits.ranges,
+        ];
         let groups = std::mem::offset_of!(HitCount, groups);
         recorder.dispatch_indirect(&self.ranges, arguments, &buffers, (&hits.count, groups));
     }
