@@ -26,6 +26,6 @@ test: ## Format, lints, licences, borders and every test
 	cargo test --workspace
 
 bench: deps ## Times of the kernels on this machine
-	cargo test --release -p lexsplat-gpu speed -- --ignored --nocapture
+	cargo bench -p lexsplat-gpu --bench engine
 
 .PHONY: help deps demo test bench

@@ -16,7 +16,6 @@ mod primitives;
 mod pyramid;
 mod room;
 mod shaders;
-mod speed;
 mod support;
 mod surgery;
 mod tiers;
