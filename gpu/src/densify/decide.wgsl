@@ -5,9 +5,10 @@
 @group(0) @binding(1) var<storage, read> colour_geometry: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> language_geometry: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> statistics: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> kept: array<u32>;
-@group(0) @binding(5) var<storage, read_write> births: array<u32>;
-@group(0) @binding(6) var<storage, read_write> splits: array<u32>;
+@group(0) @binding(4) var<storage, read> means: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> kept: array<u32>;
+@group(0) @binding(6) var<storage, read_write> births: array<u32>;
+@group(0) @binding(7) var<storage, read_write> splits: array<u32>;
 
 /// True if no axis is longer than e^limit.
 fn within(shape: vec4<f32>, limit: f32) -> bool {
@@ -29,7 +30,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let opaque = colour.w >= arguments.min_logit || language.w >= arguments.min_logit;
     let fits = within(colour, arguments.max_log_scale)
         && (arguments.either_head == 0u || within(language, arguments.max_log_scale));
-    if !(opaque && fits) || seen.z > arguments.max_radius { return; }
+    let mean = means[gaussian].xyz;
+    let somewhere = is_finite(mean.x) && is_finite(mean.y) && is_finite(mean.z);
+    if !(opaque && fits && somewhere) || seen.z > arguments.max_radius { return; }
     kept[gaussian] = 1u;
     if !(seen.y > 0.0 && seen.x >= arguments.min_gradient * seen.y) { return; }
     let small = within(colour, arguments.clone_log_scale);

@@ -9,7 +9,7 @@
 //!
 //! - *pruned* if both heads' opacities are below a limit, or the colour head's largest scale (if
 //!   asked for, either head's) or the largest radius on the screen is above one, or a parameter
-//!   that decides this is not a number;
+//!   that decides this is not a number, or the mean is not finite;
 //! - *cloned* if the mean gradient of its place on the screen reaches a threshold and the scales of
 //!   both heads are small: the copy has the same parameters;
 //! - *split* if it reaches the threshold and the colour head is large: two children, drawn from
@@ -102,7 +102,7 @@ pub fn shaders() -> [Shader; 5] {
         shader(
             "densify_decide",
             vec![GRID, include_str!("decide.wgsl")],
-            vec![Read, Read, Read, Write, Write, Write],
+            vec![Read, Read, Read, Read, Write, Write, Write],
         ),
         shader("densify_flags", vec![GRID, include_str!("flags.wgsl")], vec![Read, Write]),
         shader(
@@ -212,10 +212,16 @@ impl Densify {
     ) {
         let colour = &arrays.colour.geometry.values;
         let language = &arrays.language.geometry.values;
-        let inputs: [&wgpu::Buffer; 3] = [colour, language, &arrays.statistics];
+        let inputs: [&wgpu::Buffer; 4] =
+            [colour, language, &arrays.statistics, &arrays.means.values];
         let outputs: [&wgpu::Buffer; 3] = [&plan.kept, &plan.births, &plan.splits];
         let elements = arguments.count as usize + 1;
-        recorder.dispatch_threads(&self.decide, arguments, &[inputs, outputs].concat(), elements);
+        recorder.dispatch_threads(
+            &self.decide,
+            arguments,
+            &[&inputs[..], &outputs[..]].concat(),
+            elements,
+        );
         for flags in [&plan.births, &plan.splits] {
             scan.exclusive(recorder, flags, elements, &plan.scan);
         }

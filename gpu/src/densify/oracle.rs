@@ -4,7 +4,7 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::gaussians::{HostGaussians, Statistics};
-use crate::layout::{CHILD, DensifyArguments, FRESH};
+use crate::layout::{CHILD, DensifyArguments, FRESH, HUGE};
 
 /// What becomes of a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +35,8 @@ pub fn decide(
         if rules.either_head == 1 {
             fits &= within(language, rules.max_log_scale);
         }
-        if !opaque || !fits || seen.largest_radius > rules.max_radius {
+        let somewhere = map.means[i].iter().all(|metres| metres.abs() < HUGE);
+        if !opaque || !fits || !somewhere || seen.largest_radius > rules.max_radius {
             return Fate::Pruned;
         }
         let pulled = seen.gradient_sum >= rules.min_gradient * seen.views;

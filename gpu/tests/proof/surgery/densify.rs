@@ -161,6 +161,7 @@ fn what_is_not_a_number_goes_and_harms_nobody() {
         host.colour.rotations[60 + i] = [bad; 4];
         host.colour.log_scales[60 + i] = [-2.4; 3];
         statistics[60 + i] = Statistics { gradient_sum: 1.0, views: 1.0, ..Statistics::default() };
+        host.means[70 + i][i] = bad;
     }
     host.colour.rotations[64] = [0.0; 4];
     let rules = DensifyRules { max_scale: None, ..RULES };
