@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How poses are estimated where they are not given.
+/// How poses are estimated where they are not given. The thresholds stand between what was measured
+/// over 718 frames of a rendered and a real walk (least: overlap 0.67, surface 0.59, intensity 0.65,
+/// conditioning 0.005) and where the loop ended at wrong poses (surface 0.1 or intensity 0.2 at most).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackerConfig {
