@@ -13,6 +13,7 @@ use crate::kernel::Recorder;
 use crate::layout::{HitCount, MAX_TILES, PassArguments, PixelState, Row};
 use crate::order::{Order, Ranks};
 use crate::project::{HeadGradients, Project, Projected};
+use crate::reduce::ReduceScratch;
 use crate::sort::Sort;
 use crate::tally::Found;
 use crate::tiles::{Hits, Tiles};
@@ -57,6 +58,8 @@ pub struct Training {
     pub image_gradients: Buffer<Row>,
     /// Terms of the loss, one row per pixel or rank.
     pub terms: Buffer<Row>,
+    /// Sums of these.
+    pub sums: ReduceScratch,
     /// dL/dparameters.
     pub gradients: HeadGradients,
     /// Bias corrections of the optimiser.
@@ -187,6 +190,7 @@ impl Pass {
             self.training = Some(Training {
                 image_gradients: Buffer::new(gpu, "image gradients", pixels * self.rows)?,
                 terms: Buffer::new(gpu, "loss terms", pixels.max(map))?,
+                sums: ReduceScratch::new(gpu, pixels.max(map))?,
                 gradients: HeadGradients::new(gpu, map, self.rows, self.colour)?,
                 corrections: Buffer::new(gpu, "corrections", map)?,
                 records: Buffer::new(gpu, "records", self.hit_capacity * record_rows(self.rows))?,

@@ -175,9 +175,9 @@ impl Renderer {
         let mut recorder = Recorder::new(&gpu)?;
         recorder.clear(&self.results);
         self.draw(&mut recorder, (arrays, count), step.cameras());
-        self.record_colour(&mut recorder, (arrays, count), &step)?;
-        self.record_language(&mut recorder, arrays, &step)?;
-        self.record_shape(&mut recorder, (arrays, count), &step)?;
+        self.record_colour(&mut recorder, (arrays, count), &step);
+        self.record_language(&mut recorder, arrays, &step);
+        self.record_shape(&mut recorder, (arrays, count), &step);
         self.record_adam(&mut recorder, (arrays, count), &step);
         let results = self.results.size();
         recorder.copy(&self.results, (&report, 0), results);
@@ -226,15 +226,14 @@ impl Renderer {
         recorder: &mut Recorder<'_>,
         (arrays, count): (&Arrays, usize),
         step: &Step,
-    ) -> Result<(), GpuError> {
-        let Some(target) = &step.colour else { return Ok(()) };
+    ) {
+        let Some(target) = &step.colour else { return };
         let training = self.colour.training();
         let buffers = (self.colour.image(), &training.image_gradients, &training.terms);
         self.loss.colour(recorder, (target, step.exposure), &step.weights, buffers);
         let (ranks, pixels) = (self.lister.ranks(), step.camera.pixels());
-        let scratch = self.reduce.scratch(&self.gpu, pixels.max(count))?;
         let terms = Summands { rows: &training.terms, len: pixels, row: (1, 0), limit: None };
-        self.reduce.sum(recorder, terms, (&self.results, 0), &scratch);
+        self.reduce.sum(recorder, terms, (&self.results, 0), &training.sums);
         self.colour.backward(recorder, ranks, (&arrays.means, &arrays.colour));
         for (row, slot) in [(1, 4), (2, 5)] {
             let moves = Summands {
@@ -243,27 +242,19 @@ impl Renderer {
                 row: (MOVE_ROWS as u32, row),
                 limit: Some(&ranks.visible),
             };
-            self.reduce.sum(recorder, moves, (&self.results, slot), &scratch);
+            self.reduce.sum(recorder, moves, (&self.results, slot), &training.sums);
         }
-        Ok(())
     }
 
-    fn record_language(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        arrays: &Arrays,
-        step: &Step,
-    ) -> Result<(), GpuError> {
-        let Some((camera, target)) = &step.language else { return Ok(()) };
+    fn record_language(&mut self, recorder: &mut Recorder<'_>, arrays: &Arrays, step: &Step) {
+        let Some((camera, target)) = &step.language else { return };
         let training = self.language.training();
         let buffers = (self.language.image(), &training.image_gradients, &training.terms);
         self.loss.language(recorder, target, &step.weights, buffers);
         let pixels = camera.pixels();
-        let scratch = self.reduce.scratch(&self.gpu, pixels)?;
         let terms = Summands { rows: &training.terms, len: pixels, row: (1, 0), limit: None };
-        self.reduce.sum(recorder, terms, (&self.results, 1), &scratch);
+        self.reduce.sum(recorder, terms, (&self.results, 1), &training.sums);
         self.language.backward(recorder, self.lister.ranks(), (&arrays.means, &arrays.language));
-        Ok(())
     }
 
     fn record_shape(
@@ -271,8 +262,7 @@ impl Renderer {
         recorder: &mut Recorder<'_>,
         (arrays, count): (&Arrays, usize),
         step: &Step,
-    ) -> Result<(), GpuError> {
-        let scratch = self.reduce.scratch(&self.gpu, count)?;
+    ) {
         let ranks = self.lister.ranks();
         let (colour, language) = (&arrays.colour.geometry.values, &arrays.language.geometry.values);
         let seen =
@@ -282,16 +272,15 @@ impl Renderer {
             let outputs = (&training.gradients.geometry, &training.terms);
             let factor = (step.weights.isotropic, count);
             self.loss.isotropic(recorder, factor, (ranks, colour), outputs);
-            self.reduce.sum(recorder, seen(&training.terms), (&self.results, 2), &scratch);
+            self.reduce.sum(recorder, seen(&training.terms), (&self.results, 2), &training.sums);
         }
         if step.language.is_some() && step.weights.tie > 0.0 && !self.ties.scale {
             let training = self.language.training();
             let outputs = (&training.gradients.geometry, &training.terms);
             let factor = (step.weights.tie, count);
             self.loss.tie(recorder, factor, (ranks, colour, language), outputs);
-            self.reduce.sum(recorder, seen(&training.terms), (&self.results, 3), &scratch);
+            self.reduce.sum(recorder, seen(&training.terms), (&self.results, 3), &training.sums);
         }
-        Ok(())
     }
 
     fn record_adam(

@@ -64,6 +64,12 @@ impl Tier {
         }
     }
 
+    /// Whether lists are made by counting the hits of each run in each tile: better where a few
+    /// threads do all the work. Elsewhere hits are sorted.
+    pub fn counts_tiles(self) -> bool {
+        self == Tier::Software
+    }
+
     /// Optional features that a device of this tier must have.
     pub(super) fn features(self) -> wgpu::Features {
         self.subgroup().map_or(wgpu::Features::empty(), |_| wgpu::Features::SUBGROUP)

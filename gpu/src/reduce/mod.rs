@@ -44,6 +44,18 @@ pub fn shaders() -> [Shader; 1] {
     }]
 }
 
+impl ReduceScratch {
+    /// Room to sum up to `len` elements.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn new(gpu: &Gpu, len: usize) -> Result<Self, GpuError> {
+        let first = len.div_ceil(RUN as usize);
+        let second = first.div_ceil(RUN as usize);
+        Ok(Self { levels: [Buffer::new(gpu, "sums", first)?, Buffer::new(gpu, "sums", second)?] })
+    }
+}
+
 impl Reduce {
     /// Compiles the kernel.
     ///
@@ -53,18 +65,6 @@ impl Reduce {
         let [shader] = shaders();
         let no_limit = Buffer::from_slice(gpu, "no limit", &[u32::MAX])?;
         Ok(Self { kernel: Kernel::new(gpu, &shader)?, no_limit })
-    }
-
-    /// Room to sum up to `len` rows.
-    ///
-    /// # Errors
-    /// As [`Buffer::new`].
-    pub fn scratch(&self, gpu: &Gpu, len: usize) -> Result<ReduceScratch, GpuError> {
-        let first = len.div_ceil(RUN as usize);
-        let second = first.div_ceil(RUN as usize);
-        Ok(ReduceScratch {
-            levels: [Buffer::new(gpu, "sums", first)?, Buffer::new(gpu, "sums", second)?],
-        })
     }
 
     /// Writes the sum to `results[slot]`; the sum of no element writes nothing.

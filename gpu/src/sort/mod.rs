@@ -35,11 +35,6 @@ impl SortShape {
     /// For adapters with thousands.
     pub const MANY_THREADS: Self = Self { runs: 16_384, group: 64, bits: 5 };
 
-    /// Whether lists are better made by counting the hits of each run in each tile.
-    pub const fn counts_tiles(&self) -> bool {
-        self.group == Self::FEW_THREADS.group
-    }
-
     /// As [`SortShape::FEW_THREADS`], for the processors of this machine.
     pub fn of_this_machine() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);

@@ -101,7 +101,7 @@ impl Hits {
         capacity: usize,
         (gaussians, tiles): (usize, usize),
     ) -> Result<Self, GpuError> {
-        let group = if gpu.sort_shape().counts_tiles() {
+        let group = if gpu.tier().counts_tiles() {
             GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, (gaussians, tiles))?)
         } else {
             GroupBuffers::Sorted(sorted::Keys::new(gpu, sort, capacity, tiles)?)
@@ -147,7 +147,7 @@ impl Tiles {
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let shaders = shaders(gpu.tiling(), gpu.sort_shape());
-        let group = if gpu.sort_shape().counts_tiles() {
+        let group = if gpu.tier().counts_tiles() {
             Group::Counted(counted::Counted::new(gpu, &shaders)?)
         } else {
             Group::Sorted(sorted::Sorted::new(gpu, &shaders)?)

@@ -6,7 +6,7 @@ use lexsplat_gpu::Gpu;
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::gather::Gather;
 use lexsplat_gpu::kernel::Recorder;
-use lexsplat_gpu::reduce::{Reduce, Summands};
+use lexsplat_gpu::reduce::{Reduce, ReduceScratch, Summands};
 use lexsplat_gpu::scan::{self, Scan};
 use lexsplat_gpu::sort::{self, Sort, SortShape};
 use rand::{Rng, SeedableRng};
@@ -134,7 +134,7 @@ fn reduce_sums_rows_component_by_component() {
         let buffer = Buffer::from_slice(&gpu, "rows", &rows).expect("fits");
         let results = Buffer::from_slice(&gpu, "results", &[[7.0f32; 4]; 3]).expect("fits");
         let half = Buffer::from_slice(&gpu, "limit", &[len as u32 / 2]).expect("fits");
-        let scratch = reduce.scratch(&gpu, len).expect("fits");
+        let scratch = ReduceScratch::new(&gpu, len).expect("fits");
         for (row, limit, used) in [(0, None, len), (2, None, len), (1, Some(&half), len / 2)] {
             let mut recorder = Recorder::new(&gpu).expect("fits");
             let limit = limit.map(|limit: &Buffer<u32>| &**limit);

@@ -40,33 +40,31 @@ fn every_shader_is_valid_on_its_baseline() {
 }
 
 fn check(shaders: &[Shader], capabilities: Capabilities) {
-    {
-        for shader in shaders {
-            let text = shader.compose();
-            let module = parse(&text);
-            let info = validate(&module, &text, capabilities);
-            let entry = module.entry_points.iter().position(|point| point.name == shader.entry);
-            let entry = entry.unwrap_or_else(|| panic!("{} has no {}", shader.label, shader.entry));
-            assert!(shader.bindings.len() <= 8, "{}: too many storage buffers", shader.label);
-            let used = info.get_entry_point(entry);
-            for (handle, global) in module.global_variables.iter() {
-                let Some(binding) = &global.binding else { continue };
-                let slot = binding.binding as usize;
-                assert_eq!(binding.group, 0, "{}: one group", shader.label);
-                let naga::AddressSpace::Storage { access } = global.space else {
-                    assert_eq!(slot, 0, "{}: the uniform is binding 0", shader.label);
-                    continue;
-                };
-                let writes = access.contains(naga::StorageAccess::STORE);
-                let declared = shader.bindings.get(slot - 1);
-                assert_eq!(
-                    declared,
-                    Some(&if writes { Access::Write } else { Access::Read }),
-                    "{}: binding {slot}",
-                    shader.label
-                );
-                assert!(!used[handle].is_empty(), "{}: binding {slot} unused", shader.label);
-            }
+    for shader in shaders {
+        let text = shader.compose();
+        let module = parse(&text);
+        let info = validate(&module, &text, capabilities);
+        let entry = module.entry_points.iter().position(|point| point.name == shader.entry);
+        let entry = entry.unwrap_or_else(|| panic!("{} has no {}", shader.label, shader.entry));
+        assert!(shader.bindings.len() <= 8, "{}: too many storage buffers", shader.label);
+        let used = info.get_entry_point(entry);
+        for (handle, global) in module.global_variables.iter() {
+            let Some(binding) = &global.binding else { continue };
+            let slot = binding.binding as usize;
+            assert_eq!(binding.group, 0, "{}: one group", shader.label);
+            let naga::AddressSpace::Storage { access } = global.space else {
+                assert_eq!(slot, 0, "{}: the uniform is binding 0", shader.label);
+                continue;
+            };
+            let writes = access.contains(naga::StorageAccess::STORE);
+            let declared = shader.bindings.get(slot - 1);
+            assert_eq!(
+                declared,
+                Some(&if writes { Access::Write } else { Access::Read }),
+                "{}: binding {slot}",
+                shader.label
+            );
+            assert!(!used[handle].is_empty(), "{}: binding {slot} unused", shader.label);
         }
     }
 }
