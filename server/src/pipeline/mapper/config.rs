@@ -16,8 +16,12 @@ pub struct MapperConfig {
     pub keyframe_translation: f64,
     /// New keyframe: turned by more than this, radians.
     pub keyframe_rotation_radians: f64,
-    /// One new Gaussian at most per square of this many pixels of the optimised image.
-    pub insert_spacing_pixels: u32,
+    /// New Gaussians: one per square of the optimised image, of this side where it is flat, pixels.
+    pub insert_max_pixels: u32,
+    /// The side of the smallest square, where there is detail, pixels.
+    pub insert_min_pixels: u32,
+    /// A square is halved where a channel differs by more than this (0..1).
+    pub insert_detail: f32,
     /// Insert where less than this is opaque.
     pub insert_opacity: f32,
     /// Insert where the map lies behind the measured depth by this share of it.
@@ -93,13 +97,15 @@ impl Default for MapperConfig {
         Self {
             max_maps: 8,
             queue_frames: 8,
-            train_width: 320,
+            train_width: 600,
             keyframe_translation: 0.08,
             keyframe_rotation_radians: 0.15,
-            insert_spacing_pixels: 3,
+            insert_max_pixels: 8,
+            insert_min_pixels: 2,
+            insert_detail: 0.1,
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
-            insert_color_error: 0.25,
+            insert_color_error: 0.1,
             max_gaussians: 200_000,
             steps_per_keyframe: 25,
             steps_per_frame: 1,
@@ -117,7 +123,7 @@ impl Default for MapperConfig {
 
 impl Default for LossConfig {
     fn default() -> Self {
-        Self { color: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, scale_tie: 10.0 }
+        Self { color: 0.95, depth: 0.05, language: 1.0, isotropic: 0.5, scale_tie: 10.0 }
     }
 }
 

@@ -1,0 +1,152 @@
+//! New Gaussians, only where the map does not explain a keyframe.
+//!
+//! In: a keyframe and the map rendered from its pose. Out: Gaussians appended, one per square of the
+//! picture, squares as large as the picture is flat. It must not move what is there.
+
+mod birth;
+mod cells;
+
+use super::super::working::Working;
+use super::keyframe::Keyframe;
+use super::{Mapper, MapperConfig};
+use birth::newborns;
+use cells::{Cell, Grain, cells};
+use lexsplat_gpu::{ColourImage, GpuError};
+
+impl Mapper {
+    /// Appends what the keyframe shows and the map does not have.
+    pub(super) fn insert(&mut self, keyframe: &Keyframe) -> Result<(), GpuError> {
+        let rendered = self.renderer.render_colour(&self.gaussians, &keyframe.working.camera)?;
+        let room = self.config.max_gaussians.saturating_sub(self.gaussians.len());
+        let seen = keyframe.in_map_colours();
+        let born = unexplained(&seen, &rendered, &self.config);
+        let kept = born.len().min(room);
+        if kept < born.len() {
+            tracing::warn!(
+                map = self.map.name(),
+                left_out = born.len() - kept,
+                "mapper.max_gaussians is reached"
+            );
+        }
+        let newborns = newborns(&seen, &born[..kept], self.online.code_size());
+        self.gaussians.append(&newborns)?;
+        self.changed = true;
+        Ok(())
+    }
+}
+
+/// The squares that get a Gaussian: where the map does not explain the frame, as fine as its detail.
+fn unexplained(working: &Working, rendered: &ColourImage, config: &MapperConfig) -> Vec<Cell> {
+    let needs = |pixel| needs_gaussian(working, rendered, config, pixel);
+    let wanted: Vec<bool> = (0..working.camera.pixels()).map(needs).collect();
+    let grain = Grain {
+        max_side: config.insert_max_pixels as usize,
+        min_side: config.insert_min_pixels as usize,
+        detail: config.insert_detail,
+        relief: config.insert_depth_error,
+    };
+    cells(working, &wanted, grain)
+}
+
+/// Whether the map leaves this pixel open, lies behind it, or shows another colour.
+fn needs_gaussian(
+    working: &Working,
+    rendered: &ColourImage,
+    config: &MapperConfig,
+    pixel: usize,
+) -> bool {
+    let measured = working.depth_metres[pixel];
+    if measured <= 0.0 {
+        return false;
+    }
+    let opacity = rendered.opacity[pixel];
+    // A NaN in the picture is not opaque: it asks for a Gaussian.
+    let is_opaque = opacity >= config.insert_opacity;
+    if !is_opaque {
+        return true;
+    }
+    let depth = rendered.depth[pixel] / opacity;
+    if depth - measured > config.insert_depth_error * measured {
+        return true;
+    }
+    let on_surface = (depth - measured).abs() <= config.insert_depth_error * measured;
+    let error = (0..3)
+        .map(|channel| {
+            let at = pixel * 3 + channel;
+            (rendered.rgb[at] - f32::from(working.rgb[at]) / 255.0).abs()
+        })
+        .sum::<f32>()
+        / 3.0;
+    on_surface && error > config.insert_color_error
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lexsplat_gpu::Camera;
+    use nalgebra::Isometry3;
+
+    const SIZE: usize = 8;
+
+    /// A grey wall, 2 m away.
+    pub(super) fn working(size: usize) -> Working {
+        let centre = (size as f32 - 1.0) / 2.0;
+        let camera = Camera {
+            width: size as u32,
+            height: size as u32,
+            fx: 6.0,
+            fy: 6.0,
+            cx: centre,
+            cy: centre,
+            camera_from_world: Isometry3::identity(),
+        };
+        Working {
+            camera,
+            rgb: vec![128; size * size * 3].into(),
+            depth_metres: vec![2.0; size * size].into(),
+        }
+    }
+
+    /// What a map that explains [`working`] perfectly would render.
+    fn explained() -> ColourImage {
+        ColourImage {
+            width: SIZE as u32,
+            height: SIZE as u32,
+            rgb: vec![128.0 / 255.0; SIZE * SIZE * 3],
+            depth: vec![2.0; SIZE * SIZE],
+            opacity: vec![1.0; SIZE * SIZE],
+        }
+    }
+
+    fn count(working: &Working, rendered: &ColourImage) -> usize {
+        unexplained(working, rendered, &MapperConfig::default()).len()
+    }
+
+    #[test]
+    fn nothing_is_inserted_where_the_map_explains_the_frame() {
+        assert_eq!(count(&working(SIZE), &explained()), 0);
+    }
+
+    #[test]
+    fn squares_are_filled_where_it_does_not() {
+        let wall = working(SIZE);
+        let squares = (SIZE / MapperConfig::default().insert_max_pixels as usize).pow(2);
+        let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
+        assert_eq!(count(&wall, &open), squares, "nothing there");
+        let behind = ColourImage { depth: vec![4.0; SIZE * SIZE], ..explained() };
+        assert_eq!(count(&wall, &behind), squares, "the map lies behind");
+        let before = ColourImage { depth: vec![1.0; SIZE * SIZE], ..explained() };
+        assert_eq!(count(&wall, &before), 0, "a floater in front hides, it does not miss");
+        let other = ColourImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
+        assert_eq!(count(&wall, &other), squares, "another colour");
+        let broken = ColourImage { opacity: vec![f32::NAN; SIZE * SIZE], ..explained() };
+        assert_eq!(count(&wall, &broken), squares, "a broken picture explains nothing");
+    }
+
+    #[test]
+    fn nothing_is_inserted_without_a_measurement() {
+        let blind = Working { depth_metres: vec![0.0; SIZE * SIZE].into(), ..working(SIZE) };
+        let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
+        assert_eq!(count(&blind, &open), 0);
+    }
+}
