@@ -5,12 +5,15 @@
 
 use super::frame::Frame;
 use lexsplat_gpu::Camera;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 use std::sync::Arc;
 
 /// Depths of a block that lie within this share of its nearest are of one surface: of the mean of
 /// all of them, points between surfaces would be made.
 const ONE_SURFACE: f32 = 0.02;
+
+/// A point whose depth is within this share of the measured one is what was measured.
+const SAME_POINT: f32 = 0.05;
 
 /// A frame at working size; cheap to clone.
 #[derive(Clone, Debug)]
@@ -74,6 +77,20 @@ impl Working {
     /// The columns that [`Working::of`] has.
     pub fn columns(frame: &Frame, columns: u32) -> u32 {
         frame.intrinsics.width / factor(frame, columns) as u32
+    }
+
+    /// Whether a world point is on the surface that the picture shows.
+    pub fn shows(&self, point: &Point3<f32>) -> bool {
+        let Some((u, v, z)) = self.camera.project(point) else { return false };
+        let (column, row) = (u.round(), v.round());
+        let (width, height) = (self.camera.width as f32, self.camera.height as f32);
+        if !(column >= 0.0 && row >= 0.0 && column < width && row < height) {
+            return false;
+        }
+        let measured =
+            self.depth_metres[row as usize * self.camera.width as usize + column as usize];
+        // Nothing measured is 0 metres: nothing is on that surface.
+        (z - measured).abs() <= SAME_POINT * measured
     }
 
     /// Takes the picture to another pose.
@@ -141,6 +158,17 @@ mod tests {
         assert!(u.abs() < 1e-5 && v.abs() < 1e-5, "({u}, {v}) should be (0, 0)");
         let (wrong, _, _) = small.project(&full.unproject(0.0, 0.0, 2.0)).expect("in front");
         assert!(wrong.abs() > 0.1, "and the corner pixel alone is not");
+    }
+
+    #[test]
+    fn a_picture_shows_its_surface_and_nothing_before_behind_or_beside_it() {
+        let working = Working::of(&frame(8, 4), &Isometry3::identity(), 8);
+        let at = |u, v, depth| working.shows(&working.camera.unproject(u, v, depth));
+        assert!(at(4.0, 2.0, 3.0) && at(4.0, 2.0, 3.1));
+        assert!(!at(4.0, 2.0, 2.0) && !at(4.0, 2.0, 4.0), "before and behind");
+        assert!(!at(9.0, 2.0, 3.0) && !at(4.0, -1.0, 3.0), "beside");
+        assert!(!at(0.0, 0.0, 3.0), "a hole");
+        assert!(!working.shows(&Point3::new(0.0, 0.0, -3.0)), "behind the camera");
     }
 
     #[test]

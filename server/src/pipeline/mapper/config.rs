@@ -16,6 +16,8 @@ pub struct MapperConfig {
     pub keyframe_translation: f64,
     /// New keyframe: turned by more than this, radians.
     pub keyframe_rotation_radians: f64,
+    /// New keyframe: this share of what it shows is on no keyframe of the window.
+    pub keyframe_novelty: f64,
     /// New Gaussians: one per square of the optimised image, of this side where it is flat, pixels.
     pub insert_max_pixels: u32,
     /// The side of the smallest square, where there is detail, pixels.
@@ -100,13 +102,14 @@ impl Default for MapperConfig {
             train_width: 600,
             keyframe_translation: 0.08,
             keyframe_rotation_radians: 0.15,
+            keyframe_novelty: 0.06,
             insert_max_pixels: 8,
             insert_min_pixels: 2,
-            insert_detail: 0.1,
+            insert_detail: 0.08,
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
-            insert_color_error: 0.1,
-            max_gaussians: 200_000,
+            insert_color_error: 0.08,
+            max_gaussians: 400_000,
             steps_per_keyframe: 25,
             steps_per_frame: 1,
             window: 8,
@@ -131,10 +134,10 @@ impl Default for RatesConfig {
     fn default() -> Self {
         Self {
             mean: 5e-4,
-            rotation: 1e-3,
-            scale: 5e-3,
+            rotation: 1e-2,
+            scale: 2e-2,
             opacity: 0.05,
-            color: 5e-3,
+            color: 2.5e-3,
             language_rotation: 1e-3,
             language_scale: 1.2e-3,
             language_opacity: 0.05,

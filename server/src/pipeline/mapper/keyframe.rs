@@ -7,9 +7,12 @@ use super::super::working::Working;
 use super::Mapper;
 use super::refine::Moments;
 use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LanguageTarget};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
 use std::sync::Arc;
+
+/// Points of a frame that are looked for in keyframes.
+const SAMPLES: f64 = 1000.0;
 
 /// A frame that the map is optimised against.
 pub(super) struct Keyframe {
@@ -27,6 +30,8 @@ pub(super) struct Keyframe {
     pub is_estimated: bool,
     /// Of its pose's and exposure's refinement.
     pub moments: Moments,
+    /// The networks failed on it.
+    pub is_without_language: bool,
     /// Its language, once the networks are done.
     pub generic: Option<GenericCodes>,
 }
@@ -72,6 +77,7 @@ impl Keyframe {
             exposure: [-a as f32, (-b * (-a).exp()) as f32],
             is_estimated: tracked.is_estimated,
             moments: Moments::default(),
+            is_without_language: false,
             generic: None,
         })
     }
@@ -100,14 +106,49 @@ impl Keyframe {
 }
 
 impl Mapper {
-    /// Whether the camera has moved or turned enough since the last keyframe.
+    /// Whether the frame shows enough that no keyframe shows, in colour **and** in language (paper §5;
+    /// the released code looks at colour alone), or was taken from far enough away.
     pub(super) fn is_keyframe(&self, frame: &Frame, pose: &Isometry3<f64>) -> bool {
         let Some(last) = self.keyframes.last() else { return true };
         let last_from_camera = last.frame.world_from_camera.inverse() * pose;
         let moved = last_from_camera.translation.vector.norm();
         let Some(median) = median_depth(&frame.depth_metres) else { return false };
-        moved > self.config.keyframe_translation * f64::from(median)
+        if moved > self.config.keyframe_translation * f64::from(median)
             || last_from_camera.rotation.angle() > self.config.keyframe_rotation_radians
+        {
+            return true;
+        }
+        let sample = Sample::of(frame, pose);
+        let newest = || self.keyframes.iter().rev().take(self.config.window.max(1));
+        let colour = sample.novelty(newest());
+        let language = sample.novelty(newest().filter(|keyframe| !keyframe.is_without_language));
+        colour.min(language) > self.config.keyframe_novelty
+    }
+}
+
+/// Points of a frame's surface in the world.
+struct Sample(Vec<Point3<f32>>);
+
+impl Sample {
+    /// About a thousand, evenly spread.
+    fn of(frame: &Frame, world_from_camera: &Isometry3<f64>) -> Self {
+        let camera = frame.intrinsics.camera(world_from_camera);
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let stride = ((width * height) as f64 / SAMPLES).sqrt().ceil().max(1.0) as usize;
+        let grid = |size| (stride / 2..size).step_by(stride);
+        let points = grid(height).flat_map(|row| grid(width).map(move |column| (column, row)));
+        let points = points.filter_map(|(column, row)| {
+            let depth = frame.depth_metres[row * width + column];
+            (depth > 0.0).then(|| camera.unproject(column as f32, row as f32, depth))
+        });
+        Self(points.collect())
+    }
+
+    /// The share of the points that none of the keyframes shows, 0 to 1.
+    fn novelty<'a>(&self, keyframes: impl Iterator<Item = &'a Keyframe>) -> f64 {
+        let keyframes: Vec<&Working> = keyframes.map(|keyframe| &keyframe.working).collect();
+        let is_new = |point: &&Point3<f32>| !keyframes.iter().any(|seen| seen.shows(point));
+        self.0.iter().filter(is_new).count() as f64 / self.0.len().max(1) as f64
     }
 }
 

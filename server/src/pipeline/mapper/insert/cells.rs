@@ -44,13 +44,7 @@ pub(super) fn cells(working: &Working, wanted: &[bool], grain: Grain) -> Vec<Cel
     found
 }
 
-fn divide(
-    working: &Working,
-    wanted: &[bool],
-    grain: Grain,
-    cell: Cell,
-    found: &mut Vec<Cell>,
-) {
+fn divide(working: &Working, wanted: &[bool], grain: Grain, cell: Cell, found: &mut Vec<Cell>) {
     let measured = cell.pixels(working).filter(|at| working.depth_metres[*at] > 0.0).count();
     let missing = cell.pixels(working).filter(|at| wanted[*at]).count();
     if missing == 0 {
