@@ -199,7 +199,7 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
     }
 
-    /// The map as a file such as `splats.ply`; `progress` hears bytes so far and in all, if known.
+    /// The map as a file such as `splats.ply`, with options such as `voxel`; `progress` hears bytes so far and in all, if known.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -207,9 +207,11 @@ impl HttpClient {
         &self,
         map: &str,
         file: &str,
+        options: &[(&str, String)],
         mut progress: impl FnMut(u64, Option<u64>),
     ) -> Result<Vec<u8>, HttpError> {
-        let mut response = self.send(self.client.get(self.url(map, &["export", file]))).await?;
+        let request = self.client.get(self.url(map, &["export", file])).query(options);
+        let mut response = self.send(request).await?;
         let total = response.content_length();
         let mut bytes = Vec::new();
         while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {
