@@ -37,5 +37,16 @@ async fn other_peoples_libraries_read_the_files_and_find_them_equal() {
         "{said}{complained} (deploy/setup.sh --tests installs what it needs)"
     );
     println!("{said}");
+    let asker = Command::new("python3")
+        .env("PYTHONPATH", root().join(".deps/readers"))
+        .arg(root().join("tests/outside/ask.py"))
+        .args([&server.http, "files", "3", "chair", "table", "floor", "wall"])
+        .output()
+        .expect("python3 runs");
+    let said = String::from_utf8_lossy(&asker.stdout);
+    let complained = String::from_utf8_lossy(&asker.stderr);
+    assert!(asker.status.success(), "{said}{complained}");
+    assert!(said.contains("floor: ") && said.contains("nearest chair"), "{said}");
+    println!("{said}");
     server.stop().await;
 }

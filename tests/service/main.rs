@@ -5,6 +5,7 @@ mod bad_input;
 mod end_to_end;
 mod evaluate;
 mod exports;
+mod load;
 mod outside;
 mod shutdown;
 mod tracking;

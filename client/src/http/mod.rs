@@ -6,8 +6,8 @@ mod settle;
 mod wire;
 
 pub use wire::{
-    Answer, Camera, FrameView, Health, HeatmapLink, Keyframe, Object, Peak, PixelBox, PointsLink,
-    Question, Rle, Status, Timing,
+    Answer, Bounds, Camera, FrameView, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry,
+    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing,
 };
 
 use crate::npy::{self, Array};
@@ -137,6 +137,30 @@ impl HttpClient {
     /// See [`Self::status`].
     pub async fn query(&self, map: &str, question: &Question) -> Result<Answer, HttpError> {
         self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+    }
+
+    /// Asks with several texts.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn segment(&self, map: &str, question: &Question) -> Result<Segmentation, HttpError> {
+        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+    }
+
+    /// The labels of a view's pixels: a PNG with a palette, or `accept` another kind.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn labels(&self, link: &LabelsLink, accept: &str) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, accept).await
+    }
+
+    /// Deletes a map.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn delete(&self, map: &str) -> Result<(), HttpError> {
+        self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
     }
 
     /// The relevancies `[height, width]` of an answer's heat map, and the file that they came in.

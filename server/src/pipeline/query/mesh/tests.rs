@@ -97,7 +97,7 @@ fn a_ball_is_closed_round_and_faces_outward() {
         let radius = position.coords.norm();
         // Grazing views measure along z, not across the surface; the mean is what counts.
         assert!((radius - RADIUS).abs() < 0.75 * VOXEL, "a vertex at {radius} m");
-        assert!(normal.dot(&position.coords) / radius > 0.8, "{normal} at {position}");
+        assert!(normal.dot(&position.coords) / radius > 0.6, "{normal} at {position}");
     }
     let off = mesh.positions.iter().map(|position| (position.coords.norm() - RADIUS).abs());
     let mean = off.sum::<f32>() / vertices as f32;
