@@ -25,7 +25,8 @@ test: ## Format, lints, licences, borders and every test
 	  else echo 'cargo-deny is not installed: licences, bans and sources are not checked'; fi
 	cargo test --workspace
 
-bench: deps ## Times of the kernels on this machine
+bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-gpu --bench engine
+	cargo bench -p lexsplat-server --bench query
 
 .PHONY: help deps demo test bench

@@ -3,7 +3,7 @@
 # driver (apt) and ONNX Runtime's shared library (pip, into .deps/). Says what to run where it cannot.
 #
 #   deploy/setup.sh            everything
-#   deploy/setup.sh --tests    and what the tests use (the Python gRPC client, for the outside-client test)
+#   deploy/setup.sh --tests    and what the tests use (the Python gRPC client and readers of the exported files)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -69,4 +69,13 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/python/grpc ]; then
   say "installing the Python gRPC client into .deps/python"
   mkdir -p .deps
   pip_install .deps/python --only-binary=:all: 'grpcio==1.76.0' 'grpcio-reflection==1.76.0'
+fi
+
+# What reads exported files back. gsply's reader is a library of its own; the package's Python half,
+# with a compiler in it, is not needed.
+if [ "${1:-}" = --tests ] && [ ! -d .deps/gsply/gsply ]; then
+  say "installing the readers of exported files into .deps/readers and .deps/gsply"
+  mkdir -p .deps
+  pip_install .deps/readers --only-binary=:all: 'plyfile==1.1.5' 'trimesh==5.2.0' 'numpy>=2,<3'
+  pip_install .deps/gsply --only-binary=:all: --no-deps 'gsply==0.4.6'
 fi

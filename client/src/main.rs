@@ -16,6 +16,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Bench(command::bench::Bench),
     Demo(command::demo::Demo),
     Evaluate(command::evaluate::Evaluate),
     Export(command::export::Export),
@@ -26,6 +27,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Bench(arguments) => command::wait(command::bench::run(&arguments)),
         Command::Demo(arguments) => command::wait(command::demo::run(&arguments)),
         Command::Evaluate(arguments) => command::wait(command::evaluate::run(&arguments)),
         Command::Export(arguments) => command::wait(command::export::run(&arguments)),

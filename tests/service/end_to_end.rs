@@ -1,6 +1,6 @@
 //! A robot walks through a room it was never trained on, and plain words find the right things in it.
 
-use lexsplat_server::pipeline::query::{Outputs, Query, View};
+use lexsplat_server::pipeline::query::{Outputs, Place, Query, View};
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use lexsplat_tests::{Robot, Server, tiny_config};
 use rand::SeedableRng;
@@ -78,6 +78,7 @@ async fn found_in(
             threshold: None,
             smoothing_pixels: None,
             max_objects: 10,
+            place: Place::default(),
         };
         let answer =
             server.engine.query_snapshot(snapshot.clone(), query).await.expect("it is answered");

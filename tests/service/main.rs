@@ -4,6 +4,8 @@ mod backpressure;
 mod bad_input;
 mod end_to_end;
 mod evaluate;
+mod exports;
+mod load;
 mod outside;
 mod shutdown;
 mod tracking;

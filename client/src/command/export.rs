@@ -1,6 +1,6 @@
 //! `lexsplat export`: saves a map as a file.
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::http::HttpClient;
@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// Save a map as a file
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  lexsplat export --map kitchen --format ply kitchen.ply")]
+#[command(after_help = "Examples:\n  lexsplat export --map kitchen --format ply kitchen.ply\n  \
+                        lexsplat export --map kitchen --format mesh --voxel 0.03 --text cup kitchen.ply")]
 pub struct Export {
     /// The map
     #[arg(long, value_name = "NAME")]
@@ -16,6 +17,12 @@ pub struct Export {
     /// What to write
     #[arg(long, value_enum)]
     format: Format,
+    /// Mesh: side of a voxel, metres (the server's default is 0.02)
+    #[arg(long, value_name = "METRES")]
+    voxel: Option<f32>,
+    /// Mesh: words, whose relevancy becomes a property of the vertices
+    #[arg(long, value_name = "WORDS")]
+    text: Option<String>,
     /// Where the server answers HTTP
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
@@ -35,8 +42,10 @@ enum Format {
     Spz,
     /// Gaussians in glTF
     Glb,
-    /// Triangles, as PLY
+    /// Triangles with colours and language, as PLY
     Mesh,
+    /// Language codes and shapes of the Gaussians, in the order of ply, as npz
+    Language,
 }
 
 impl Format {
@@ -48,6 +57,7 @@ impl Format {
             Self::Spz => Some("splats.spz"),
             Self::Glb => Some("splats.glb"),
             Self::Mesh => Some("mesh.ply"),
+            Self::Language => Some("language.npz"),
             Self::Tum => None,
         }
     }
@@ -55,10 +65,14 @@ impl Format {
 
 /// Runs the command.
 pub async fn run(arguments: &Export) -> Result<()> {
-    let Export { map, format, http, file } = arguments;
+    let Export { map, format, voxel, text, http, file } = arguments;
     let client = HttpClient::new(http)?;
+    let mut options = Vec::new();
+    options.extend(voxel.map(|metres| ("voxel", metres.to_string())));
+    options.extend(text.clone().map(|text| ("text", text)));
     let bytes = match format.file() {
-        Some(name) => download(&client, map, name).await?,
+        Some(name) => download(&client, map, name, &options).await?,
+        None if !options.is_empty() => bail!("--voxel and --text are for --format mesh"),
         None => client.trajectory(map).await?,
     };
     save(file, &bytes)?;
@@ -66,14 +80,19 @@ pub async fn run(arguments: &Export) -> Result<()> {
     Ok(())
 }
 
-async fn download(client: &HttpClient, map: &str, name: &str) -> Result<Vec<u8>> {
+async fn download(
+    client: &HttpClient,
+    map: &str,
+    name: &str,
+    options: &[(&str, String)],
+) -> Result<Vec<u8>> {
     let bar = ProgressBar::new(0);
     bar.set_style(ProgressStyle::with_template("{bar:30} {bytes}/{total_bytes}  {bytes_per_sec}")?);
     let progress = |done: u64, total: Option<u64>| {
         bar.set_length(total.unwrap_or(done));
         bar.set_position(done);
     };
-    let bytes = client.export(map, name, progress).await;
+    let bytes = client.export(map, name, options, progress).await;
     bar.finish_and_clear();
     Ok(bytes?)
 }

@@ -1,9 +1,11 @@
 //! One file per command of `lexsplat`.
 
+pub mod bench;
 pub mod demo;
 pub mod evaluate;
 pub mod export;
 pub mod query;
+mod segment;
 mod server;
 pub mod stream;
 pub mod synth;

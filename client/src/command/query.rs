@@ -1,25 +1,44 @@
-//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes pictures.
+//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes pictures. Several
+//! texts are `super::segment`'s.
 
+use super::segment;
 use super::table::{Align, table};
 use anyhow::{Context as _, Result};
 use image::{Rgb, RgbImage};
-use lexsplat_client::http::{Answer, HttpClient, Keyframe, Object, PixelBox, Question};
+use lexsplat_client::http::{
+    Answer, Bounds, FrameView, HttpClient, Keyframe, Object, PixelBox, Question,
+};
 use lexsplat_client::{npy, overlay};
 use std::path::{Path, PathBuf};
 
-/// Ask a map where something is
+/// Ask a map where something is, or which of several things is what
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat query 'coffee cup' --map kitchen\n  \
-                        lexsplat query 'coffee cup' --map kitchen --frame 120 --out cup")]
+                        lexsplat query 'coffee cup' --map kitchen --frame 120 --out cup\n  \
+                        lexsplat query chair table floor --map kitchen --frame 120\n  \
+                        lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool")]
 pub struct Query {
-    /// What is looked for, in plain words
-    text: String,
+    /// What is looked for, in plain words; several are compared with each other
+    #[arg(required = true, value_name = "TEXT")]
+    texts: Vec<String>,
     /// The map
     #[arg(long, value_name = "NAME")]
     map: String,
     /// Ask about the view of this tracked frame; without it about the whole space
     #[arg(long, value_name = "SEQUENCE")]
     frame: Option<u64>,
+    /// What it is not, instead of the server's own words; may be given several times
+    #[arg(long = "not", value_name = "WORDS")]
+    negatives: Vec<String>,
+    /// Relevancy above which something counts, 0 to 1
+    #[arg(long, value_name = "SHARE")]
+    threshold: Option<f32>,
+    /// Objects nearest to this point first, metres
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    near: Option<[f32; 3]>,
+    /// Only what is in this box: its least corner, then its greatest, metres
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    within: Option<[f32; 6]>,
     /// Folder for heatmap.png, overlay.png, heatmap.npy and points.ply; made if missing
     #[arg(long, value_name = "DIR", default_value = "query-out")]
     out: PathBuf,
@@ -40,12 +59,13 @@ const GOOD_DISTANCE_METRES: f64 = 1.8;
 
 /// Runs the command.
 pub async fn run(arguments: &Query) -> Result<()> {
-    let Query { text, map, frame, out, http, json } = arguments;
+    let Query { texts, map, frame, out, http, json, .. } = arguments;
     let client = HttpClient::new(http)?;
-    let question = match frame {
-        Some(sequence) => Question::in_frame(text, *sequence),
-        None => Question::in_space(text),
-    };
+    let question = arguments.question();
+    if texts.len() > 1 {
+        let asked = segment::Asked { client: &client, map, question: &question, json: *json };
+        return segment::run(&asked, out).await;
+    }
     let answer = client.query(map, &question).await?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     if *json {
@@ -61,7 +81,9 @@ pub async fn run(arguments: &Query) -> Result<()> {
         (None, Some(object)) => {
             let frames = client.frames(map).await?;
             if let Some(view) = best_view(&frames, object.center.map(f64::from)) {
-                let seen = client.query(map, &Question::in_frame(text, view.sequence)).await?;
+                let view_of = Some(FrameView { frame: view.sequence });
+                let question = Question { view: view_of, near: None, within: None, ..question };
+                let seen = client.query(map, &question).await?;
                 pictures(&client, &seen, view.sequence, out).await?;
                 eprintln!("overlay.png shows frame {}, which sees the best object", view.sequence);
             }
@@ -70,6 +92,34 @@ pub async fn run(arguments: &Query) -> Result<()> {
     }
     eprintln!("files are in {}", out.display());
     Ok(())
+}
+
+impl Query {
+    fn question(&self) -> Question {
+        let (text, texts) = match &self.texts[..] {
+            [text] => (text.clone(), Vec::new()),
+            several => (String::new(), several.to_vec()),
+        };
+        Question {
+            text,
+            texts,
+            negatives: self.negatives.clone(),
+            view: self.frame.map(|frame| FrameView { frame }),
+            threshold: self.threshold,
+            near: self.near,
+            within: self
+                .within
+                .map(|[x0, y0, z0, x1, y1, z1]| Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
+            smoothing: None,
+        }
+    }
+}
+
+/// As many numbers, with commas between them.
+fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
+    let parts: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let parts = parts.ok().and_then(|parts| <[f32; N]>::try_from(parts).ok());
+    parts.ok_or_else(|| format!("expected {N} numbers with commas between them, found {text:?}"))
 }
 
 /// The answer's best object, if it has one.
@@ -116,7 +166,7 @@ pub fn shown(picture: &RgbImage, relevancy: &npy::Array, answer: &Answer) -> Rgb
     picture
 }
 
-fn save(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(super) fn save(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
@@ -162,18 +212,22 @@ fn boxes_table(boxes: &[PixelBox]) -> String {
 
 fn objects_table(objects: &[Object]) -> String {
     let right = |name| (name, Align::Right);
-    let columns = ["object", "score", "centre m", "size m", "points"].map(right);
+    let distances = objects.iter().any(|object| object.distance.is_some());
+    let mut columns = ["object", "score", "centre m", "size m", "points"].map(right).to_vec();
+    columns.extend(distances.then_some(right("distance m")));
     let rows: Vec<Vec<String>> = objects
         .iter()
         .enumerate()
         .map(|(at, object)| {
-            vec![
+            let mut row = vec![
                 (at + 1).to_string(),
                 format!("{:.3}", object.score),
                 metres(object.center),
                 metres(object.size),
                 object.points.to_string(),
-            ]
+            ];
+            row.extend(distances.then(|| format!("{:.2}", object.distance.unwrap_or_default())));
+            row
         })
         .collect();
     table(&columns, &rows)
@@ -211,6 +265,32 @@ mod tests {
         let text = described(&space);
         assert!(text.contains("not present") && text.contains("no object is above 0.50"), "{text}");
         assert!(best_object(&space).is_none());
+    }
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        query: Query,
+    }
+
+    fn line(arguments: &[&str]) -> Result<Question, clap::Error> {
+        use clap::Parser as _;
+        let words = [&["query", "--map", "m"], arguments].concat();
+        Line::try_parse_from(words).map(|line| line.query.question())
+    }
+
+    #[test]
+    fn texts_places_and_negatives_are_read() {
+        let one = line(&["cup", "--near", "-1,2.5,0", "--not", "mug"]).unwrap();
+        assert_eq!((one.text.as_str(), one.near), ("cup", Some([-1.0, 2.5, 0.0])));
+        assert_eq!(one.negatives, ["mug"]);
+        let several = line(&["cup", "sofa", "--frame", "3"]).unwrap();
+        assert!(several.text.is_empty() && several.texts == ["cup", "sofa"]);
+        let within = line(&["cup", "--within", "0,0,0,1,2,3"]).unwrap().within.unwrap();
+        assert_eq!(within.max, [1.0, 2.0, 3.0]);
+        for wrong in [&[][..], &["cup", "--near", "1,2"], &["cup", "--within", "0,0,0,1,2,x"]] {
+            assert!(line(wrong).is_err(), "{wrong:?}");
+        }
     }
 
     /// A camera at `at` that looks along the world's x with z up.

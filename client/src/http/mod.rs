@@ -6,8 +6,8 @@ mod settle;
 mod wire;
 
 pub use wire::{
-    Answer, Camera, FrameView, Health, HeatmapLink, Keyframe, Object, Peak, PixelBox, PointsLink,
-    Question, Rle, Status, Timing,
+    Answer, Bounds, Camera, FrameView, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry,
+    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing,
 };
 
 use crate::npy::{self, Array};
@@ -139,6 +139,30 @@ impl HttpClient {
         self.json(self.client.post(self.url(map, &["query"])).json(question)).await
     }
 
+    /// Asks with several texts.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn segment(&self, map: &str, question: &Question) -> Result<Segmentation, HttpError> {
+        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+    }
+
+    /// The labels of a view's pixels: a PNG with a palette, or `accept` another kind.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn labels(&self, link: &LabelsLink, accept: &str) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, accept).await
+    }
+
+    /// Deletes a map.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn delete(&self, map: &str) -> Result<(), HttpError> {
+        self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
+    }
+
     /// The relevancies `[height, width]` of an answer's heat map, and the file that they came in.
     ///
     /// # Errors
@@ -199,7 +223,7 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
     }
 
-    /// The map as a file such as `splats.ply`; `progress` hears bytes so far and in all, if known.
+    /// The map as a file such as `splats.ply`, with options such as `voxel`; `progress` hears bytes so far and in all, if known.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -207,9 +231,11 @@ impl HttpClient {
         &self,
         map: &str,
         file: &str,
+        options: &[(&str, String)],
         mut progress: impl FnMut(u64, Option<u64>),
     ) -> Result<Vec<u8>, HttpError> {
-        let mut response = self.send(self.client.get(self.url(map, &["export", file]))).await?;
+        let request = self.client.get(self.url(map, &["export", file])).query(options);
+        let mut response = self.send(request).await?;
         let total = response.content_length();
         let mut bytes = Vec::new();
         while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {

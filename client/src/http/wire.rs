@@ -7,8 +7,15 @@ use serde::{Deserialize, Serialize};
 /// A question in plain words; without a view it is a 3D query.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Question {
-    /// What is looked for.
+    /// What is looked for; empty if there are several.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub text: String,
+    /// Several texts, compared with each other.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub texts: Vec<String>,
+    /// What it is not; empty: the server's own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub negatives: Vec<String>,
     /// Answer for this view.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub view: Option<FrameView>,
@@ -18,6 +25,21 @@ pub struct Question {
     /// Side of the mean filter over the heat map, pixels; 0 is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<u32>,
+    /// 3D: objects nearest to this point first, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near: Option<[f32; 3]>,
+    /// 3D: only what is in this box.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within: Option<Bounds>,
+}
+
+/// An axis-aligned box, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bounds {
+    /// The least corner.
+    pub min: [f32; 3],
+    /// The greatest corner.
+    pub max: [f32; 3],
 }
 
 impl Question {
@@ -156,6 +178,60 @@ pub struct Object {
     pub aabb_max: [f32; 3],
     /// How many points it has.
     pub points: usize,
+    /// From the asked point to the oriented box, metres; 0 inside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f32>,
+}
+
+/// Which of several texts is what.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Segmentation {
+    /// Name of this answer on the server.
+    pub query_id: String,
+    /// What was asked.
+    pub texts: Vec<String>,
+    /// Which map answered.
+    pub map: String,
+    /// Of which snapshot.
+    pub revision: u64,
+    /// Share of what was asked about that has been seen with language.
+    pub coverage: f32,
+    /// Relevancy that the best text had to exceed.
+    pub threshold: f32,
+    /// One for each text, in order.
+    pub legend: Vec<LegendEntry>,
+    /// Where the labels of the pixels are; view queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labels: Option<LabelsLink>,
+    /// Where the labelled points are; 3D queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<PointsLink>,
+    /// Where the time went.
+    pub timing_ms: Timing,
+}
+
+/// What a label means.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LegendEntry {
+    /// The value of its pixels; 0 is none of the texts.
+    pub label: usize,
+    /// The text.
+    pub text: String,
+    /// `#rrggbb`.
+    pub color: String,
+    /// The share of all pixels, or Gaussians, that have it.
+    pub share: f32,
+}
+
+/// Where the labels are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LabelsLink {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Path on the server.
+    pub url: String,
 }
 
 /// Where the server's time went, milliseconds.
@@ -185,6 +261,9 @@ pub struct Status {
     /// Frames without.
     #[serde(default)]
     pub frames_lost: u64,
+    /// Frames accepted but never mapped.
+    #[serde(default)]
+    pub frames_dropped: u64,
     /// Frames in the map.
     pub keyframes: u64,
     /// Gaussians in the map.

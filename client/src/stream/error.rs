@@ -55,7 +55,7 @@ pub enum ClientError {
 
 impl ClientError {
     /// Tells the server's own words from the transport's.
-    pub(super) fn of_status(status: Status, address: &str) -> Self {
+    pub(crate) fn of_status(status: Status, address: &str) -> Self {
         let address = address.to_owned();
         if status.source().is_some() {
             return Self::Broken { address };
@@ -64,7 +64,7 @@ impl ClientError {
     }
 
     /// The stream ended without an answer to everything.
-    pub(super) fn unanswered(address: &str) -> Self {
+    pub(crate) fn unanswered(address: &str) -> Self {
         Self::Broken { address: address.to_owned() }
     }
 }

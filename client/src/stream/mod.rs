@@ -14,6 +14,7 @@ use crate::dataset::Dataset;
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
 use producer::Producer;
+pub(crate) use producer::wire;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -151,7 +152,10 @@ pub async fn stream(
     Ok(tally.summary)
 }
 
-async fn connect(address: &str) -> Result<MappingClient<tonic::transport::Channel>, ClientError> {
+/// A client of the server at `HOST:PORT`.
+pub(crate) async fn connect(
+    address: &str,
+) -> Result<MappingClient<tonic::transport::Channel>, ClientError> {
     let bad = || ClientError::Address { found: address.into() };
     let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
     port.parse::<u16>().map_err(|_| bad())?;
@@ -161,7 +165,8 @@ async fn connect(address: &str) -> Result<MappingClient<tonic::transport::Channe
     Ok(MappingClient::new(channel.map_err(|_| ClientError::NoServer { address: address.into() })?))
 }
 
-fn opening(dataset: &dyn Dataset, options: &StreamOptions) -> v1::OpenMap {
+/// The message that opens the map.
+pub(crate) fn opening(dataset: &dyn Dataset, options: &StreamOptions) -> v1::OpenMap {
     let camera = dataset.intrinsics();
     let pose_source = match options.poses {
         Poses::Given => v1::PoseSource::Given,

@@ -56,7 +56,8 @@ impl Pace {
     }
 }
 
-fn wire(frame: RgbdFrame) -> v1::Frame {
+/// The frame as it travels.
+pub(crate) fn wire(frame: RgbdFrame) -> v1::Frame {
     v1::Frame {
         sequence: frame.sequence,
         timestamp_nanos: frame.timestamp_nanos,

@@ -1,70 +1,71 @@
 //! Binary little-endian PLY: splats, points and scored points.
 
+use super::splat::{byte, splats};
 use crate::pipeline::query::ScoredPoint;
 use lexsplat_gpu::HostGaussians;
 
-/// The zeroth spherical harmonic: colour = 0.5 + this times `f_dc`.
-const SH_0: f32 = 0.282_094_79;
 /// What a splat has, in the order in which viewers expect it.
 const SPLAT_PROPERTIES: [&str; 17] = [
     "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1",
     "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
 ];
 
-fn header(count: usize, properties: &[(&str, &[&str])]) -> Vec<u8> {
+/// The header: kinds and names of the vertices' properties, and the number of triangles if it is a mesh.
+pub(super) fn header(
+    count: usize,
+    properties: &[(&str, &[&str])],
+    faces: Option<usize>,
+) -> Vec<u8> {
     let mut text = format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n");
     for (kind, names) in properties {
         for name in *names {
             text.push_str(&format!("property {kind} {name}\n"));
         }
     }
+    if let Some(faces) = faces {
+        text.push_str(&format!("element face {faces}\nproperty list uchar int vertex_indices\n"));
+    }
     text.push_str("end_header\n");
     text.into_bytes()
 }
 
-fn put(out: &mut Vec<u8>, values: &[f32]) {
+/// Appends float32s.
+pub(super) fn put(out: &mut Vec<u8>, values: &[f32]) {
     out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
 }
 
 /// The colour heads as splats: logarithmic scales, opacity logits, unit quaternions (w, x, y, z) and
 /// `f_dc = (rgb - 0.5) / 0.28209`.
 pub fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
-    let head = &gaussians.colour;
-    let mut out = header(gaussians.means.len(), &[("float", &SPLAT_PROPERTIES)]);
-    for (at, mean) in gaussians.means.iter().enumerate() {
-        let rgb = &head.features[at * head.channels..][..3];
-        put(&mut out, mean);
+    let all = splats(gaussians);
+    let mut out = header(all.len(), &[("float", &SPLAT_PROPERTIES)], None);
+    for splat in all {
+        put(&mut out, &splat.position);
         put(&mut out, &[0.0; 3]);
-        put(&mut out, &[0, 1, 2].map(|channel: usize| (rgb[channel] - 0.5) / SH_0));
-        put(&mut out, &[head.opacity_logits[at]]);
-        put(&mut out, &head.log_scales[at]);
-        put(&mut out, &unit(head.rotations[at]));
+        put(&mut out, &splat.harmonics());
+        put(&mut out, &[splat.opacity_logit]);
+        put(&mut out, &splat.log_scale);
+        put(&mut out, &splat.rotation);
     }
     out
 }
 
-fn unit(quaternion: [f32; 4]) -> [f32; 4] {
-    let norm = quaternion.iter().map(|part| part * part).sum::<f32>().sqrt();
-    quaternion.map(|part| part / norm.max(f32::MIN_POSITIVE))
-}
-
 /// The Gaussians' centres with 8-bit colours.
 pub fn points_ply(gaussians: &HostGaussians) -> Vec<u8> {
-    let head = &gaussians.colour;
+    let all = splats(gaussians);
     let properties: [(&str, &[&str]); 2] =
         [("float", &["x", "y", "z"]), ("uchar", &["red", "green", "blue"])];
-    let mut out = header(gaussians.means.len(), &properties);
-    for (at, mean) in gaussians.means.iter().enumerate() {
-        let rgb = &head.features[at * head.channels..][..3];
-        put(&mut out, mean);
-        out.extend(rgb.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8));
+    let mut out = header(all.len(), &properties, None);
+    for splat in all {
+        put(&mut out, &splat.position);
+        out.extend(splat.rgb.map(byte));
     }
     out
 }
 
 /// Points of an answer: `x y z score`.
 pub fn scored_points_ply(points: &[ScoredPoint]) -> Vec<u8> {
-    let mut out = header(points.len(), &[("float", &["x", "y", "z", "score"])]);
+    let mut out = header(points.len(), &[("float", &["x", "y", "z", "score"])], None);
     for point in points {
         put(&mut out, &[point.position.x, point.position.y, point.position.z, point.score]);
     }
@@ -74,21 +75,8 @@ pub fn scored_points_ply(points: &[ScoredPoint]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lexsplat_gpu::HostHead;
+    use crate::export::splat::samples::two;
     use nalgebra::Point3;
-
-    fn two() -> HostGaussians {
-        let head = |channels| HostHead {
-            rotations: vec![[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 4.0]],
-            log_scales: vec![[-1.0, -2.0, -3.0]; 2],
-            opacity_logits: vec![0.25, -0.5],
-            features: vec![0.5; 2 * channels],
-            channels,
-        };
-        let mut colour = head(3);
-        colour.features = vec![1.0, 0.5, 0.0, 0.2, 0.4, 1.7];
-        HostGaussians { means: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], colour, language: head(15) }
-    }
 
     fn body(file: &[u8]) -> (&str, &[u8]) {
         let end = file.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;

@@ -1,9 +1,11 @@
-//! Heat maps and points of the newest answers, kept until newer ones need their place.
+//! Heat maps, labels and points of the newest answers, kept until newer ones need their place.
 
 use super::extract::{NPY, NamedMap, Segments, wants_npy};
 use super::{Problem, State};
 use crate::export;
-use crate::pipeline::query::{Answer, Heatmap, ScoredPoint};
+use crate::pipeline::query::{
+    Answer, Heatmap, LabelImage, LabelledPoint, ScoredPoint, Segmentation,
+};
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse as _, Response};
 use std::collections::VecDeque;
@@ -15,18 +17,26 @@ pub fn query_id() -> String {
 }
 
 /// What is kept of an answer.
+#[derive(Default)]
 struct Kept {
     id: String,
     map: String,
     heatmap: Option<Heatmap>,
     points: Option<Vec<ScoredPoint>>,
+    labels: Option<Arc<LabelImage>>,
+    labelled: Option<Vec<LabelledPoint>>,
 }
 
 impl Kept {
     fn bytes(&self) -> usize {
         let heatmap = self.heatmap.as_ref().map_or(0, |heatmap| heatmap.values.len());
         let points = self.points.as_ref().map_or(0, Vec::len);
-        heatmap * size_of::<f32>() + points * size_of::<ScoredPoint>()
+        let labels = self.labels.as_ref().map_or(0, |image| image.labels.len());
+        let labelled = self.labelled.as_ref().map_or(0, Vec::len);
+        heatmap * size_of::<f32>()
+            + points * size_of::<ScoredPoint>()
+            + labels
+            + labelled * size_of::<LabelledPoint>()
     }
 }
 
@@ -52,12 +62,28 @@ impl Answers {
         if heatmap.is_none() && points.is_none() {
             return;
         }
+        self.push(Kept { id: id.into(), map: map.into(), heatmap, points, ..Kept::default() });
+    }
+
+    /// Keeps the labels of an answer to several texts.
+    pub(super) fn keep_labels(&self, id: &str, map: &str, found: Segmentation) {
+        let (labels, labelled) = (found.image.map(Arc::new), found.points);
+        self.push(Kept { id: id.into(), map: map.into(), labels, labelled, ..Kept::default() });
+    }
+
+    fn push(&self, newest: Kept) {
         let mut kept = self.locked();
-        kept.push_back(Arc::new(Kept { id: id.into(), map: map.into(), heatmap, points }));
+        kept.push_back(Arc::new(newest));
         let mut bytes: usize = kept.iter().map(|answer| answer.bytes()).sum();
         while kept.len() > 1 && (kept.len() > self.max_count || bytes > self.max_bytes) {
             bytes -= kept.pop_front().map_or(0, |oldest| oldest.bytes());
         }
+    }
+
+    /// The labels of an answer's pixels.
+    pub(super) fn labels(&self, map: &str, id: &str) -> Result<Arc<LabelImage>, Problem> {
+        let detail = "the answer has no labels: ask with \"texts\" about a view";
+        self.find(map, id)?.labels.clone().ok_or_else(|| Problem::not_found(detail))
     }
 
     fn find(&self, map: &str, id: &str) -> Result<Arc<Kept>, Problem> {
@@ -103,7 +129,8 @@ pub(super) async fn heatmap(
     Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())
 }
 
-/// The relevant points of an answer: PLY (x, y, z, score), or float32 `[count, 4]`.
+/// The relevant points of an answer: PLY (x, y, z, score), or float32 `[count, 4]`; after `texts` all with
+/// language: PLY (x, y, z, red, green, blue, label, score), or float32 `[count, 5]` (x, y, z, label, score).
 #[utoipa::path(
     get, path = "/v1/maps/{name}/queries/{query_id}/points", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),
@@ -120,17 +147,30 @@ pub(super) async fn points(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let kept = state.answers.find(map.name(), segments.get("query_id"))?;
-    let points = kept.points.as_ref().ok_or_else(|| {
-        Problem::not_found("the answer has no points: ask for output \"points\" without a view")
-    })?;
-    let (kind, file) = match wants_npy(&headers) {
-        false => ("application/octet-stream", export::scored_points_ply(points)),
-        true => {
-            let rows: Vec<f32> = points
-                .iter()
-                .flat_map(|p| [p.position.x, p.position.y, p.position.z, p.score])
-                .collect();
-            (NPY, export::npy(&[points.len(), 4], &rows))
+    let npy = wants_npy(&headers);
+    let kind = if npy { NPY } else { "application/octet-stream" };
+    let file = match (&kept.points, &kept.labelled) {
+        (Some(points), _) if npy => {
+            let row = |p: &ScoredPoint| [p.position.x, p.position.y, p.position.z, p.score];
+            export::npy(
+                &[points.len(), 4],
+                points.iter().map(row).collect::<Vec<_>>().as_flattened(),
+            )
+        }
+        (Some(points), _) => export::scored_points_ply(points),
+        (None, Some(points)) if npy => {
+            let row = |p: &LabelledPoint| {
+                [p.position.x, p.position.y, p.position.z, f32::from(p.label), p.score]
+            };
+            export::npy(
+                &[points.len(), 5],
+                points.iter().map(row).collect::<Vec<_>>().as_flattened(),
+            )
+        }
+        (None, Some(points)) => export::labelled_points_ply(points),
+        (None, None) => {
+            let detail = "the answer has no points: ask for output \"points\" without a view";
+            return Err(Problem::not_found(detail));
         }
     };
     Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())

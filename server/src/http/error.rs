@@ -128,11 +128,14 @@ impl From<QueryError> for Problem {
 
 impl From<ExportError> for Problem {
     fn from(error: ExportError) -> Self {
-        let status = match error {
-            ExportError::Unknown { .. } => StatusCode::NOT_FOUND,
-            ExportError::NotYet { .. } => StatusCode::NOT_IMPLEMENTED,
-        };
-        Self::new(status, error.to_string()).at("file")
+        match error {
+            ExportError::Unknown { .. } => Self::not_found(error.to_string()).at("file"),
+            ExportError::NotForFormat { field, .. } => {
+                Self::bad_request(error.to_string()).at(field)
+            }
+            ExportError::Mesh(error) => error.into(),
+            ExportError::Panicked => Self::internal(error.to_string()),
+        }
     }
 }
 

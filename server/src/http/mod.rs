@@ -15,6 +15,7 @@ mod openapi;
 mod query;
 mod range;
 mod render;
+mod segment;
 mod view;
 
 pub use answers::query_id;
@@ -102,6 +103,7 @@ pub fn router(context: Context) -> Router {
         .route("/v1/maps/{name}/query", axum::routing::post(query::ask))
         .route("/v1/maps/{name}/queries/{query_id}/heatmap", get(answers::heatmap))
         .route("/v1/maps/{name}/queries/{query_id}/points", get(answers::points))
+        .route("/v1/maps/{name}/queries/{query_id}/labels", get(segment::labels))
         .route("/v1/maps/{name}/frames", get(map::frames))
         .route("/v1/maps/{name}/trajectory", get(map::trajectory))
         .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))

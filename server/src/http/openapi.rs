@@ -1,6 +1,6 @@
 //! `GET /openapi.json`: OpenAPI 3.1, made from the handlers' own annotations.
 
-use super::{Problem, answers, events, export, health, map, query, render};
+use super::{Problem, answers, events, export, health, map, query, render, segment};
 use axum::Json;
 use utoipa::OpenApi;
 
@@ -25,6 +25,7 @@ use utoipa::OpenApi;
         query::ask,
         answers::heatmap,
         answers::points,
+        segment::labels,
         render::of_frame,
         render::of_view,
         export::file,

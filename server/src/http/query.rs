@@ -2,10 +2,11 @@
 
 use super::answers::query_id;
 use super::extract::{Body, NamedMap};
+use super::segment::{self, SegmentationResponse};
 use super::view::WireView;
 use super::{Problem, State};
 use crate::export;
-use crate::ingest::convert::question::Question;
+use crate::ingest::convert::question::{Asked, Question};
 use crate::pipeline::query::{Answer, Object, ScoredBox, Timing};
 use crate::telemetry::QUERY_SECONDS;
 use axum::Json;
@@ -13,23 +14,29 @@ use serde::{Deserialize, Serialize};
 use std::time::Instant;
 use utoipa::ToSchema;
 
-/// A question in plain words. Without `view` it is a 3D query.
+/// A question in plain words: `text`, or `texts` that are compared with each other. Without `view` it
+/// is a 3D query.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct QueryRequest {
     /// What is looked for.
+    #[serde(default)]
     #[schema(example = "coffee cup")]
-    text: String,
+    text: Option<String>,
+    /// Instead of `text`, 2 to 32 of them: which of them is each pixel, or each Gaussian?
+    #[serde(default)]
+    #[schema(example = json!(["chair", "table", "floor"]))]
+    texts: Option<Vec<String>>,
     /// What it is not; absent or empty: the bundle's own.
     #[serde(default)]
     negatives: Option<Vec<String>>,
     /// Answer for this view.
     #[serde(default)]
     view: Option<WireView>,
-    /// Any of heatmap, mask, boxes, points, objects; absent or empty: all that fit.
+    /// Only with `text`: any of heatmap, mask, boxes, points, objects; absent or empty: all that fit.
     #[serde(default)]
     outputs: Option<Vec<String>>,
-    /// Relevancy above which something counts, 0 to 1.
+    /// Relevancy above which something counts, 0 to 1; absent: the bundle's, with `texts` 0.5.
     #[serde(default)]
     threshold: Option<f32>,
     /// Side of the mean filter, pixels.
@@ -38,6 +45,33 @@ pub(super) struct QueryRequest {
     /// The most objects in the answer.
     #[serde(default)]
     max_objects: Option<u32>,
+    /// 3D: objects nearest to this point (metres in the map's world) come first, with `distance`.
+    #[serde(default)]
+    near: Option<[f32; 3]>,
+    /// 3D: only points, and objects whose centres are, in this box.
+    #[serde(default)]
+    within: Option<WireBounds>,
+}
+
+/// An axis-aligned box, metres in the map's world.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WireBounds {
+    /// The least corner.
+    min: [f32; 3],
+    /// The greatest corner.
+    max: [f32; 3],
+}
+
+/// An answer to `text`, or to `texts`.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(untagged)]
+#[allow(clippy::large_enum_variant, reason = "one per request")]
+pub(super) enum QueryReply {
+    /// Where it is.
+    Answer(QueryResponse),
+    /// Which of them is what.
+    Segmentation(SegmentationResponse),
 }
 
 /// What the map answers. Scores are relevancies in 0..1; metres in the map's world; pixels.
@@ -81,9 +115,9 @@ struct HeatmapLink {
 
 /// Where the points are.
 #[derive(Debug, Serialize, ToSchema)]
-struct PointsLink {
-    count: usize,
-    url: String,
+pub(super) struct PointsLink {
+    pub(super) count: usize,
+    pub(super) url: String,
 }
 
 /// A mask as COCO run lengths: column-major, starting with zeros.
@@ -123,16 +157,26 @@ struct SpaceObject {
     aabb_min: [f32; 3],
     aabb_max: [f32; 3],
     points: usize,
+    /// From `near` to the oriented box, metres; 0 inside.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    distance: Option<f32>,
 }
 
 /// Where the time went, milliseconds.
 #[derive(Debug, Serialize, ToSchema)]
-struct TimingMs {
+pub(super) struct TimingMs {
     text: f32,
     render: f32,
     decode: f32,
     score: f32,
     total: f32,
+}
+
+impl From<Timing> for TimingMs {
+    fn from(timing: Timing) -> Self {
+        let Timing { text, render, decode, score, total } = timing;
+        Self { text, render, decode, score, total }
+    }
 }
 
 /// Asks a map in plain words.
@@ -141,7 +185,7 @@ struct TimingMs {
     params(("name" = String, Path, description = "the map")),
     request_body = QueryRequest,
     responses(
-        (status = 200, body = QueryResponse),
+        (status = 200, body = QueryReply),
         (status = 400, description = "a field is wrong", body = Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or frame", body = Problem, content_type = "application/problem+json"),
     ),
@@ -150,32 +194,45 @@ pub(super) async fn ask(
     state: State,
     NamedMap(map): NamedMap,
     Body(request): Body<QueryRequest>,
-) -> Result<Json<QueryResponse>, Problem> {
+) -> Result<Json<QueryReply>, Problem> {
     let started = Instant::now();
     let max_pixels = state.config.max_render_pixels;
     let view = request.view.map(|view| view.checked("view.", max_pixels)).transpose()?;
     let question = Question {
-        text: request.text,
+        text: request.text.unwrap_or_default(),
+        texts: request.texts.unwrap_or_default(),
         negatives: request.negatives.unwrap_or_default(),
         view,
         outputs: request.outputs.unwrap_or_default(),
         threshold: request.threshold,
         smoothing_pixels: request.smoothing,
         max_objects: request.max_objects,
+        near: request.near,
+        within: request.within.map(|within| [within.min, within.max]),
     };
-    let query = question.checked("smoothing")?;
-    let text = query.text.clone();
-    let mut answer = state.in_time(state.engine.query(&map, query)).await??;
-    let response = response(text, map.name(), &answer);
-    state.answers.keep(&response.query_id, map.name(), &mut answer);
+    let reply = match question.asked("smoothing")? {
+        Asked::One(query) => {
+            let text = query.text.clone();
+            let mut answer = state.in_time(state.engine.query(&map, query)).await??;
+            let response = response(text, map.name(), &answer);
+            state.answers.keep(&response.query_id, map.name(), &mut answer);
+            QueryReply::Answer(response)
+        }
+        Asked::Several(contest) => {
+            let texts = contest.texts.clone();
+            let found = state.in_time(state.engine.segment(&map, contest)).await??;
+            let response = segment::response(texts, map.name(), &found);
+            state.answers.keep_labels(&response.query_id, map.name(), found);
+            QueryReply::Segmentation(response)
+        }
+    };
     metrics::histogram!(QUERY_SECONDS, "edge" => "http").record(started.elapsed());
-    Ok(Json(response))
+    Ok(Json(reply))
 }
 
 fn response(text: String, map: &str, answer: &Answer) -> QueryResponse {
     let query_id = query_id();
     let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
-    let Timing { text: text_ms, render, decode, score, total } = answer.timing;
     QueryResponse {
         text,
         map: map.into(),
@@ -200,7 +257,7 @@ fn response(text: String, map: &str, answer: &Answer) -> QueryResponse {
             .as_ref()
             .map(|points| PointsLink { count: points.len(), url: url("points") }),
         objects: answer.objects.as_ref().map(|objects| objects.iter().map(object).collect()),
-        timing_ms: TimingMs { text: text_ms, render, decode, score, total },
+        timing_ms: answer.timing.into(),
         query_id,
     }
 }
@@ -220,5 +277,6 @@ fn object(found: &Object) -> SpaceObject {
         aabb_min: found.aabb_min.into(),
         aabb_max: found.aabb_max.into(),
         points: found.points,
+        distance: found.distance,
     }
 }

@@ -299,10 +299,85 @@ async fn frames_trajectories_and_files_are_served() {
     assert_eq!(same.status, 304);
     assert_eq!(server.get_with(path, "if-none-match", "\"other\"").await.status, 200);
     assert!(server.get("/v1/maps/filed/export/points.ply").await.body.starts_with(b"ply\n"));
-    for file in ["splats.spz", "splats.glb", "mesh.ply"] {
-        server.problem_get(&format!("/v1/maps/filed/export/{file}"), 501, "file").await;
-    }
+    let starts = |body: &Bytes, with: &[u8]| assert!(body.starts_with(with), "{:?}", &body[..20]);
+    starts(&server.get("/v1/maps/filed/export/splats.spz").await.body, b"\x1f\x8b");
+    let glb = server.get("/v1/maps/filed/export/splats.glb").await;
+    starts(&glb.body, b"glTF");
+    assert_eq!(glb.header("content-type"), "model/gltf-binary");
+    starts(&server.get("/v1/maps/filed/export/language.npz").await.body, b"PK\x03\x04");
     server.problem_get("/v1/maps/filed/export/splats.obj", 404, "file").await;
+}
+
+#[tokio::test]
+async fn several_words_have_labels_to_fetch_and_places_are_checked() {
+    let server = Server::start();
+    mapped("labelled").await;
+    let path = "/v1/maps/labelled/query";
+    let body = json!({"texts": ["red wall", "blue sky"], "view": {"frame": FRAME}, "threshold": 0});
+    let reply = server.post(path, body.to_string()).await;
+    assert_eq!(reply.status, 200, "{:?}", reply.body);
+    let answer = reply.json();
+    assert_eq!(answer["legend"][1]["text"], "blue sky");
+    assert_eq!(answer["legend"][1]["label"], 2);
+    assert!(answer.get("heatmap").is_none() && answer["legend"][0]["color"].is_string());
+    let url = answer["labels"]["url"].as_str().unwrap();
+    let picture = image::load_from_memory(&server.get(url).await.body).unwrap();
+    assert_eq!((picture.width(), picture.height()), (64, 48));
+    let array = server.get_with(url, "accept", "application/x-npy").await;
+    assert_eq!(array.body.len() % 64, (64 * 48) % 64);
+    assert!(String::from_utf8_lossy(&array.body).contains("'|u1'"));
+    server.problem_get(&url.replace("labels", "points"), 404, "").await;
+
+    let body = json!({"texts": ["red wall", "blue sky"]});
+    let answer = server.post(path, body.to_string()).await.json();
+    let url = answer["points"]["url"].as_str().unwrap();
+    let points = server.get(url).await;
+    assert!(String::from_utf8_lossy(&points.body).contains("property uchar label\n"));
+    server.problem_get(&url.replace("points", "labels"), 404, "").await;
+
+    let near = json!({"text": "wall", "near": [0.0, 0.0, 1.0], "threshold": 0.0});
+    let answer = server.post(path, near.to_string()).await.json();
+    for object in answer["objects"].as_array().unwrap() {
+        assert!(object["distance"].as_f64().unwrap() >= 0.0, "{object}");
+    }
+    let frame = json!({"frame": FRAME});
+    for (body, field) in [
+        (json!({"texts": ["a"]}), "texts"),
+        (json!({"texts": ["a", "b"], "text": "c"}), "text"),
+        (json!({"texts": ["a", "b", "a"]}), "texts[2]"),
+        (json!({"texts": ["a", 3]}), "texts[1]"),
+        (json!({"texts": ["a", "b"], "outputs": ["mask"]}), "outputs"),
+        (json!({"text": "a", "near": [1.0, 2.0]}), "near"),
+        (json!({"text": "a", "near": [0, 0, 0], "view": frame}), "near"),
+        (json!({"text": "a", "within": {"min": [0, 0, 0]}}), "within.max"),
+        (json!({"text": "a", "within": {"min": [1, 0, 0], "max": [0, 1, 1]}}), "within.max"),
+    ] {
+        server.problem_post(path, &body, 400, field).await;
+    }
+}
+
+#[tokio::test]
+async fn meshes_have_options() {
+    let server = Server::start();
+    mapped("meshed").await;
+    let path = |options: &str| format!("/v1/maps/meshed/export/mesh.ply{options}");
+    let plain = server.get(&path("?voxel=0.04")).await;
+    assert_eq!(plain.status, 200, "{:?}", plain.body);
+    let text = String::from_utf8_lossy(&plain.body);
+    assert!(text.contains("property list uchar int vertex_indices"), "{text}");
+    assert!(!text.contains("element face 0\n") && !text.contains("relevancy"), "{text}");
+    let asked = server.get(&path("?voxel=0.04&text=red+wall")).await;
+    assert!(String::from_utf8_lossy(&asked.body).contains("property float relevancy\n"));
+    // Another question is another file.
+    assert_ne!(plain.header("etag"), asked.header("etag"));
+    let part = server.get_with(&path("?voxel=0.04&text=red+wall"), "range", "bytes=0-2").await;
+    assert_eq!((part.status, &part.body[..]), (206, &b"ply"[..]));
+    for (options, field) in
+        [("?voxel=0", "voxel"), ("?voxel=NaN", "voxel"), ("?text=", "text"), ("?vxl=1", "vxl")]
+    {
+        server.problem_get(&path(options), 400, field).await;
+    }
+    server.problem_get("/v1/maps/meshed/export/splats.ply?voxel=0.1", 400, "voxel").await;
 }
 
 #[tokio::test]

@@ -1,7 +1,8 @@
 //! Making, describing, deleting and exporting maps over gRPC.
 
+use super::convert::question::Question;
 use super::{CHUNK_BACKLOG, CHUNK_BYTES, MappingService, status};
-use crate::export::{self, Format};
+use crate::export::{self, Format, MeshOptions};
 use crate::pipeline::map::MapStatus;
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
@@ -51,10 +52,12 @@ pub(super) async fn export(
 ) -> Result<ReceiverStream<Result<v1::Chunk, Status>>, Status> {
     let map = service.engine.map(&request.map).map_err(|error| status::of_map(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
-    let snapshot = map.snapshot();
-    let file = tokio::task::spawn_blocking(move || export::write(format, &snapshot))
+    let words = (!request.text.is_empty()).then_some(request.text);
+    let question = words.map(|text| Question::about(&text).checked("smoothing_pixels"));
+    let question = question.transpose().map_err(|refusal| status::refused(&refusal))?;
+    let options = MeshOptions { voxel_metres: request.voxel_metres, question };
+    let file = export::file(&service.engine, map.snapshot(), format, options)
         .await
-        .map_err(|_| Status::internal("writing the file panicked"))?
         .map_err(|error| status::of_export(&error))?;
     let mut file = prost::bytes::Bytes::from(file);
     let (chunks, stream) = mpsc::channel(CHUNK_BACKLOG);

@@ -1,9 +1,9 @@
 //! Questions over gRPC: the same checks and answers as over HTTP.
 
-use super::convert::question::Question;
+use super::convert::question::{Asked, Question};
 use super::convert::{self, Refusal};
 use super::{MappingService, status};
-use crate::pipeline::query::{Answer, Heatmap, Object, ScoredPoint, View};
+use crate::pipeline::query::{Answer, Heatmap, Object, ScoredPoint, Segmentation, Timing, View};
 use crate::telemetry::QUERY_SECONDS;
 use lexsplat_proto::v1;
 use std::time::Instant;
@@ -18,19 +18,38 @@ pub(super) async fn answer(
     let view = view(request.view, service.limits.max_pixels).map_err(|r| status::refused(&r))?;
     let question = Question {
         text: request.text,
+        texts: request.texts,
         negatives: request.negatives,
         view,
         outputs: request.outputs,
         threshold: request.threshold,
         smoothing_pixels: request.smoothing_pixels,
         max_objects: request.max_objects,
+        near: request.near_metres.map(metres),
+        within: request.within.map(|within| {
+            [within.min_metres, within.max_metres].map(|corner| metres(corner.unwrap_or_default()))
+        }),
     };
-    let query = question.checked("smoothing_pixels").map_err(|r| status::refused(&r))?;
-    let text = query.text.clone();
-    let answer =
-        service.engine.query(&map, query).await.map_err(|error| status::of_query(&error))?;
+    let asked = question.asked("smoothing_pixels").map_err(|r| status::refused(&r))?;
+    let failed = |error| status::of_query(&error);
+    let response = match asked {
+        Asked::One(query) => {
+            let text = query.text.clone();
+            let answer = service.engine.query(&map, query).await.map_err(failed)?;
+            response(answer, text, request.map)
+        }
+        Asked::Several(contest) => {
+            let texts = contest.texts.clone();
+            let found = service.engine.segment(&map, contest).await.map_err(failed)?;
+            segmentation(found, texts, request.map)
+        }
+    };
     metrics::histogram!(QUERY_SECONDS, "edge" => "grpc").record(started.elapsed());
-    Ok(response(answer, text, request.map))
+    Ok(response)
+}
+
+fn metres(point: v1::Vector3) -> [f32; 3] {
+    [point.x as f32, point.y as f32, point.z as f32]
 }
 
 fn view(wire: Option<v1::View>, max_pixels: u64) -> Result<Option<View>, Refusal> {
@@ -49,7 +68,6 @@ fn view(wire: Option<v1::View>, max_pixels: u64) -> Result<Option<View>, Refusal
 }
 
 fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
-    let timing = answer.timing;
     v1::QueryResponse {
         query_id: crate::http::query_id(),
         text,
@@ -74,13 +92,46 @@ fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
         peak: answer.peak.map(|peak| v1::Peak { x: peak.x, y: peak.y, score: peak.score }),
         points: answer.points.map(|points| point_set(&points)),
         objects: answer.objects.unwrap_or_default().iter().map(object).collect(),
-        timing: Some(v1::Timing {
-            text_ms: timing.text,
-            render_ms: timing.render,
-            decode_ms: timing.decode,
-            score_ms: timing.score,
-            total_ms: timing.total,
-        }),
+        timing: Some(timing(answer.timing)),
+        segmentation: None,
+    }
+}
+
+fn timing(timing: Timing) -> v1::Timing {
+    v1::Timing {
+        text_ms: timing.text,
+        render_ms: timing.render,
+        decode_ms: timing.decode,
+        score_ms: timing.score,
+        total_ms: timing.total,
+    }
+}
+
+fn segmentation(found: Segmentation, texts: Vec<String>, map: String) -> v1::QueryResponse {
+    let legend = texts.into_iter().zip(found.shares).zip(1..);
+    let entry = |((text, share), label)| v1::LegendEntry { label, text, share };
+    let image = found.image.map(|image| v1::LabelImage {
+        width: image.width,
+        height: image.height,
+        labels: image.labels.into(),
+    });
+    let points = found.points.map(|points| v1::LabelledPoints {
+        count: u32::try_from(points.len()).unwrap_or(u32::MAX),
+        rows: points
+            .iter()
+            .flat_map(|p| [p.position.x, p.position.y, p.position.z, p.score])
+            .collect(),
+        labels: points.iter().map(|point| point.label).collect(),
+    });
+    v1::QueryResponse {
+        query_id: crate::http::query_id(),
+        map,
+        revision: found.revision,
+        coverage: found.coverage,
+        threshold: found.threshold,
+        timing: Some(timing(found.timing)),
+        segmentation: Some(v1::Segmentation { legend: legend.map(entry).collect(), image, points }),
+        ..Default::default()
     }
 }
 
@@ -118,5 +169,6 @@ fn object(object: &Object) -> v1::Object {
         aabb_min_metres: Some(vector(object.aabb_min.into())),
         aabb_max_metres: Some(vector(object.aabb_max.into())),
         points: u32::try_from(object.points).unwrap_or(u32::MAX),
+        distance_metres: object.distance,
     }
 }

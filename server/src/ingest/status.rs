@@ -93,11 +93,16 @@ pub(super) fn of_query(error: &QueryError) -> Status {
 /// For a file that is not exported.
 pub(super) fn of_export(error: &ExportError) -> Status {
     let message = error.to_string();
-    let code = match error {
-        ExportError::Unknown { .. } => Code::InvalidArgument,
-        ExportError::NotYet { .. } => Code::Unimplemented,
-    };
-    at_field(code, &message, "format", &message)
+    match error {
+        ExportError::Unknown { .. } => {
+            at_field(Code::InvalidArgument, &message, "format", &message)
+        }
+        ExportError::NotForFormat { field, .. } => {
+            at_field(Code::InvalidArgument, &message, field, &message)
+        }
+        ExportError::Mesh(error) => of_query(error),
+        ExportError::Panicked => Status::internal(message),
+    }
 }
 
 #[cfg(test)]

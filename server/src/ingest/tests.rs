@@ -249,16 +249,43 @@ async fn maps_and_questions_work_over_grpc() {
     assert!(listed.maps.iter().any(|map| map.name == name));
     let question = v1::QueryRequest { map: name.clone(), text: "cup".into(), ..Default::default() };
     assert!(!client.query(question.clone()).await.unwrap().into_inner().present);
+    let several = v1::QueryRequest {
+        text: String::new(),
+        texts: vec!["cup".into(), "sofa".into()],
+        ..question.clone()
+    };
+    let found = client.query(several.clone()).await.unwrap().into_inner().segmentation.unwrap();
+    assert_eq!(found.legend[1].text, "sofa");
+    assert_eq!(found.points.unwrap().count, 0, "the map is empty");
+    let both = v1::QueryRequest { text: "cup".into(), ..several };
+    assert_eq!(client.query(both).await.unwrap_err().code(), Code::InvalidArgument);
+    let upside_down = v1::Bounds {
+        min_metres: Some(v1::Vector3 { x: 1.0, ..Default::default() }),
+        max_metres: None,
+    };
+    let nowhere = v1::QueryRequest { within: Some(upside_down), ..question.clone() };
+    let status = client.query(nowhere).await.unwrap_err();
+    assert!(status.message().starts_with("within.max: "), "{status}");
     let bad = v1::QueryRequest { threshold: Some(3.0), ..question };
     let status = client.query(bad).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
     assert!(status.message().starts_with("threshold: "), "{status}");
-    let export = |format: &str| v1::ExportRequest { map: name.clone(), format: format.into() };
+    let export = |format: &str| v1::ExportRequest {
+        map: name.clone(),
+        format: format.into(),
+        ..Default::default()
+    };
     let mut chunks = client.export_map(export("splats.ply")).await.unwrap().into_inner();
     assert!(chunks.message().await.unwrap().unwrap().data.starts_with(b"ply\n"));
     let code = async |format: &str| {
         server.client.clone().export_map(export(format)).await.unwrap_err().code()
     };
-    assert_eq!(code("mesh.ply").await, Code::Unimplemented);
+    let mut chunks = client.export_map(export("mesh.ply")).await.unwrap().into_inner();
+    let mesh = chunks.message().await.unwrap().unwrap().data;
+    assert!(String::from_utf8_lossy(&mesh).contains("element face 0\n"), "the map is empty");
+    let tiny = v1::ExportRequest { voxel_metres: Some(1e-6), ..export("mesh.ply") };
+    assert_eq!(client.export_map(tiny).await.unwrap_err().code(), Code::InvalidArgument);
+    let worded = v1::ExportRequest { text: "cup".into(), ..export("splats.ply") };
+    assert_eq!(client.export_map(worded).await.unwrap_err().code(), Code::InvalidArgument);
     assert_eq!(code("mesh.obj").await, Code::InvalidArgument);
 }

@@ -5,7 +5,10 @@ use super::encoder::{LanguageConfig, LanguageThread};
 use super::map::{Map, MapError};
 use super::mapper::{self, MapperConfig};
 use super::network::{Bundle, BundleError};
-use super::query::{Answer, Picture, Query, QueryConfig, QueryError, QueryThread, RenderRequest};
+use super::query::{
+    self, Answer, Contest, Mesh, Picture, Query, QueryConfig, QueryError, QueryThread,
+    RenderRequest, Segmentation,
+};
 use super::snapshot::MapSnapshot;
 use super::tracker::TrackerConfig;
 use lexsplat_gpu::{Gpu, GpuError};
@@ -61,6 +64,8 @@ pub struct Engine {
     query: QueryThread,
     maps: Mutex<BTreeMap<String, Running>>,
     creating: Mutex<()>,
+    /// One mesh at a time: each takes much memory and every core.
+    meshing: tokio::sync::Mutex<()>,
 }
 
 impl Engine {
@@ -83,6 +88,7 @@ impl Engine {
             query,
             maps: Mutex::default(),
             creating: Mutex::default(),
+            meshing: tokio::sync::Mutex::default(),
         })
     }
 
@@ -184,12 +190,40 @@ impl Engine {
         self.query.ask(snapshot, query).await
     }
 
+    /// Compares several texts with each other in the map's newest snapshot.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the texts.
+    pub async fn segment(&self, map: &Map, contest: Contest) -> Result<Segmentation, QueryError> {
+        self.query.segment(map.snapshot(), contest).await
+    }
+
     /// Renders the map's newest snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the request.
     pub async fn render(&self, map: &Map, request: RenderRequest) -> Result<Picture, QueryError> {
         self.query.render(map.snapshot(), request).await
+    }
+
+    /// The snapshot as triangles, with their relevancies to a question if there is one. One after
+    /// the other; dropping the future ends it.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the voxel or the question.
+    pub async fn mesh(
+        &self,
+        snapshot: Arc<MapSnapshot>,
+        voxel_metres: f32,
+        question: Option<Query>,
+    ) -> Result<Mesh, QueryError> {
+        let _turn = self.meshing.lock().await;
+        let mut mesh = query::mesh(self.gpu.clone(), snapshot.clone(), voxel_metres).await?;
+        if let Some(question) = question {
+            let codes = mesh.codes.clone();
+            mesh.relevancies = self.query.compare(snapshot, codes, question).await?;
+        }
+        Ok(mesh)
     }
 
     /// Lets every mapper finish the frames in its queue, then stops it.

@@ -10,7 +10,7 @@ const REFRESH_MILLIS = 1500;
 const UNSEEN_COVERAGE = 0.05;
 
 const $ = (id) => document.getElementById(id);
-const state = { map: null, frames: [], chosen: null, channel: 'color', events: null, heat: null, objects: [], asked: 0 };
+const state = { map: null, frames: [], chosen: null, channel: 'color', events: null, heat: null, labels: null, objects: [], asked: 0 };
 
 // ---- talking to the server -------------------------------------------------------------------
 
@@ -85,7 +85,7 @@ async function listMaps() {
 
 function open(name) {
   state.events?.close();
-  Object.assign(state, { map: name, frames: [], chosen: null, events: null, heat: null, objects: [] });
+  Object.assign(state, { map: name, frames: [], chosen: null, events: null, heat: null, labels: null, objects: [] });
   for (const id of ['strip', 'status']) $(id).replaceChildren();
   for (const id of ['picture', 'heat', 'plan']) $(id).getContext('2d').clearRect(0, 0, 9999, 9999);
   $('caption').textContent = '';
@@ -145,7 +145,7 @@ const refreshFrames = throttled(async () => {
   drawStrip();
   const newest = frames.at(-1);
   const gone = !frames.some((frame) => frame.sequence === state.chosen);
-  if (newest && (gone || ($('follow').checked && !state.heat))) {
+  if (newest && (gone || ($('follow').checked && !state.heat && !state.labels))) {
     if (newest.sequence !== state.chosen) choose(newest.sequence);
   }
   drawPlanNow();
@@ -234,34 +234,61 @@ function depthImage({ shape: [height, width], values }) {
 
 // ---- questions -------------------------------------------------------------------------------
 
+const post = (body) => json(api('/query'), { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
+
+// Several words with commas between them share the view among them.
 async function ask(text) {
   const number = ++state.asked;
   const { map, chosen } = state;
-  if (!map || !text.trim()) return;
-  const post = (body) => json(api('/query'), { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
+  const texts = [...new Set(text.split(',').map((word) => word.trim()).filter(Boolean))];
+  if (!map || texts.length === 0) return;
   $('ask').classList.add('busy');
   show(null);
-  await attempt(async () => {
-    const in3d = post({ text, outputs: ['objects'] });
-    const inView = chosen === null ? null : post({ text, view: { frame: chosen }, outputs: ['heatmap', 'boxes'] });
-    const [space, view] = await Promise.all([in3d, inView]);
-    const heat = view?.heatmap ? await array(view.heatmap.url) : null;
-    if (number !== state.asked || map !== state.map) return;
-    state.objects = space.objects ?? [];
-    drawAnswer(space, view);
-    drawObjects();
-    drawPlanNow();
-    if (chosen === state.chosen) {
-      state.heat = heat;
-      drawHeat();
-      drawMarks(view);
-    }
-  });
+  await attempt(() => (texts.length > 1 ? segment(texts, number) : locate(texts[0], number)));
   if (number === state.asked) $('ask').classList.remove('busy');
+}
+
+async function segment(texts, number) {
+  const { map, chosen } = state;
+  const in3d = post({ texts });
+  const inView = chosen === null ? null : post({ texts, view: { frame: chosen } });
+  const [space, view] = await Promise.all([in3d, inView]);
+  const labels = view ? await createImageBitmap(await (await call(view.labels.url)).blob()) : null;
+  if (number !== state.asked || map !== state.map) return;
+  state.objects = [];
+  drawLegend(space, view);
+  drawObjects();
+  drawPlanNow();
+  if (chosen === state.chosen) {
+    state.heat = null;
+    state.labels = labels;
+    drawHeat();
+    drawMarks(null);
+  }
+}
+
+async function locate(text, number) {
+  const { map, chosen } = state;
+  const in3d = post({ text, outputs: ['objects'] });
+  const inView = chosen === null ? null : post({ text, view: { frame: chosen }, outputs: ['heatmap', 'boxes'] });
+  const [space, view] = await Promise.all([in3d, inView]);
+  const heat = view?.heatmap ? await array(view.heatmap.url) : null;
+  if (number !== state.asked || map !== state.map) return;
+  state.objects = space.objects ?? [];
+  drawAnswer(space, view);
+  drawObjects();
+  drawPlanNow();
+  if (chosen === state.chosen) {
+    state.heat = heat;
+    state.labels = null;
+    drawHeat();
+    drawMarks(view);
+  }
 }
 
 function clearAnswer() {
   state.heat = null;
+  state.labels = null;
   drawHeat();
   drawMarks(null);
 }
@@ -297,6 +324,21 @@ function drawAnswer(space, view) {
   $('answer').replaceChildren(...lines);
 }
 
+function drawLegend(space, view) {
+  const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
+  const rows = space.legend.map((entry, at) => {
+    const row = element('p', '', 'legend');
+    const swatch = document.createElement('i');
+    swatch.style.background = entry.color;
+    const here = view ? `${percent(view.legend[at].share)} of this view · ` : '';
+    row.append(swatch, element('b', entry.text), element('span', `${here}${percent(entry.share)} of the map`, 'quiet'));
+    return row;
+  });
+  const spent = (answer) => `${answer.timing_ms.total.toFixed(0)} ms`;
+  rows.push(element('p', `3D ${spent(space)}${view ? ` · view ${spent(view)}` : ''} · revision ${space.revision}`, 'quiet'));
+  $('answer').replaceChildren(...rows);
+}
+
 function drawObjects() {
   const numbers = (list) => list.map((value) => value.toFixed(2)).join(' ');
   const rows = state.objects.map((object, at) => {
@@ -319,6 +361,13 @@ function drawHeat() {
   const canvas = $('heat');
   const context = canvas.getContext('2d');
   context.clearRect(0, 0, canvas.width, canvas.height);
+  if (state.labels) {
+    [canvas.width, canvas.height] = [state.labels.width, state.labels.height];
+    context.globalAlpha = Number($('alpha').value);
+    context.drawImage(state.labels, 0, 0);
+    context.globalAlpha = 1;
+    return;
+  }
   if (!state.heat) return;
   const { shape: [height, width], values } = state.heat;
   const strength = Number($('alpha').value);

@@ -106,6 +106,49 @@ pub struct Object {
     pub aabb_max: Point3<f32>,
     /// Gaussians in it.
     pub points: usize,
+    /// From the asked point to the oriented box, metres; 0 inside.
+    pub distance: Option<f32>,
+}
+
+/// The answer to a [`super::Contest`]. Label 0 is "none of them", label `k` the `k`-th text.
+#[derive(Clone, Debug)]
+pub struct Segmentation {
+    /// The map's revision that was asked.
+    pub revision: u64,
+    /// How much of what was asked about has language in it, 0..1.
+    pub coverage: f32,
+    /// The relevancy that the best text had to exceed.
+    pub threshold: f32,
+    /// Of each text, the share of the pixels, or of the Gaussians, that have its label.
+    pub shares: Vec<f32>,
+    /// The label of every pixel (view queries).
+    pub image: Option<LabelImage>,
+    /// The label of every Gaussian with language (3D queries).
+    pub points: Option<Vec<LabelledPoint>>,
+    /// Where the time went.
+    pub timing: Timing,
+}
+
+/// Labels, `[height * width]`, row-major.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LabelImage {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The labels.
+    pub labels: Vec<u8>,
+}
+
+/// A Gaussian's centre with the best text's label.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LabelledPoint {
+    /// Metres, in the map's world.
+    pub position: Point3<f32>,
+    /// 0: none.
+    pub label: u8,
+    /// The best text's relevancy, whether it counted or not.
+    pub score: f32,
 }
 
 /// Milliseconds.

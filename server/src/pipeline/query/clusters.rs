@@ -47,6 +47,7 @@ fn object(members: &[Weighted]) -> Object {
         aabb_min: fitted.aabb_min,
         aabb_max: fitted.aabb_max,
         points: members.len(),
+        distance: None,
     }
 }
 

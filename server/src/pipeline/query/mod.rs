@@ -1,6 +1,6 @@
 //! "Where is the coffee cup?" In: a [`MapSnapshot`] and a [`Query`] in plain words. Out: an
-//! [`Answer`] with a heat map and boxes of one view, or points and objects in space; or, for a
-//! [`RenderRequest`], a [`Picture`].
+//! [`Answer`] with a heat map and boxes of one view, or points and objects in space; for a [`Contest`] of
+//! several texts a [`Segmentation`]; for a [`RenderRequest`] a [`Picture`]; and a [`Mesh`].
 //!
 //! One thread ([`QueryThread`]) owns the text networks and a renderer of its own. It only reads
 //! snapshots: nothing here touches a live map.
@@ -10,20 +10,31 @@
 mod answer;
 mod boxes;
 mod clusters;
+mod mesh;
 mod picture;
+mod place;
 mod presence;
 mod regions;
 mod relevancy;
 mod request;
+mod rivals;
 mod scene;
+mod segment;
 mod space;
 mod text;
 mod thread;
 mod view;
 mod viewpoint;
 
-pub use answer::{Answer, Heatmap, Mask, Object, Peak, Picture, ScoredBox, ScoredPoint, Timing};
-pub use request::{Channel, MAX_NEGATIVES, MAX_TEXT_BYTES, Outputs, Query, RenderRequest, View};
+pub use answer::{
+    Answer, Heatmap, LabelImage, LabelledPoint, Mask, Object, Peak, Picture, ScoredBox,
+    ScoredPoint, Segmentation, Timing,
+};
+pub use mesh::{DEFAULT_VOXEL_METRES, Mesh, VOXEL_METRES, mesh};
+pub use request::{
+    Bounds, Channel, Contest, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Outputs, Place, Query,
+    RenderRequest, View,
+};
 pub use thread::QueryThread;
 
 use super::network::NetworkError;
@@ -94,6 +105,14 @@ pub enum QueryError {
         /// What was given.
         found: usize,
     },
+    /// Too few texts to compare, or too many.
+    #[error("texts: expected 2 to {limit}, found {found}")]
+    WrongTextCount {
+        /// The most.
+        limit: usize,
+        /// What was given.
+        found: usize,
+    },
     /// More negatives than are compared with.
     #[error("negatives: expected at most {limit}, found {found}")]
     TooManyNegatives {
@@ -120,12 +139,31 @@ pub enum QueryError {
         /// What was given.
         found: f32,
     },
+    /// A voxel that no mesh is made of.
+    #[error("voxel: expected {} to {} metres, found {found}", VOXEL_METRES.start(), VOXEL_METRES.end())]
+    BadVoxel {
+        /// What was given.
+        found: f32,
+    },
+    /// More surface than memory.
+    #[error(
+        "voxel: {voxel_metres} m needs more than {limit_mib} MiB for this map: ask for larger ones"
+    )]
+    MeshTooLarge {
+        /// What was given.
+        voxel_metres: f32,
+        /// What there is.
+        limit_mib: usize,
+    },
     /// A network failed.
     #[error("a network failed")]
     Network(#[from] NetworkError),
     /// The device failed.
     #[error("the renderer failed")]
     Gpu(#[from] lexsplat_gpu::GpuError),
+    /// No thread for the mesh.
+    #[error("cannot start a thread")]
+    Thread(#[source] std::io::Error),
     /// The query thread has ended.
     #[error("the server is stopping")]
     Stopped,
@@ -139,9 +177,11 @@ impl QueryError {
             Self::EmptyText { field }
             | Self::TextTooLong { field, .. }
             | Self::BadSize { field, .. } => Some(field),
+            Self::WrongTextCount { .. } => Some("texts"),
             Self::TooManyNegatives { .. } => Some("negatives"),
             Self::BadThreshold { .. } => Some("threshold"),
-            Self::Network(_) | Self::Gpu(_) | Self::Stopped => None,
+            Self::BadVoxel { .. } | Self::MeshTooLarge { .. } => Some("voxel"),
+            Self::Network(_) | Self::Gpu(_) | Self::Thread(_) | Self::Stopped => None,
         }
     }
 }

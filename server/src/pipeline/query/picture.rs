@@ -35,7 +35,7 @@ pub(super) fn render(
             rgb(image.opacity.iter().flat_map(|&value| [byte(value); 3]).collect())
         }
         Channel::Depth => {
-            let metres = depth(&scene.colour(snapshot, &camera)?);
+            let metres = depth(&scene.colour(snapshot, &camera)?, LEAST_OPACITY);
             Picture::Depth { width: camera.width, height: camera.height, metres }
         }
         Channel::Language => rgb(language(scene, palette, snapshot, &camera)?),
@@ -47,10 +47,10 @@ fn byte(value: f32) -> u8 {
     (value * 255.0).round() as u8
 }
 
-/// Mean depth of what a pixel shows; 0 where it shows too little.
-fn depth(image: &ColourImage) -> Vec<f32> {
+/// Mean depth of what a pixel shows, metres; 0 where it shows less than `least_opacity`.
+pub(super) fn depth(image: &ColourImage, least_opacity: f32) -> Vec<f32> {
     let pixel = |(&depth, &opacity): (&f32, &f32)| {
-        if opacity > LEAST_OPACITY { depth / opacity } else { 0.0 }
+        if opacity > least_opacity { depth / opacity } else { 0.0 }
     };
     image.depth.iter().zip(&image.opacity).map(pixel).collect()
 }
@@ -156,7 +156,7 @@ mod tests {
             depth: vec![1.6, 0.2, 0.0],
             opacity: vec![0.8, 0.4, 0.0],
         };
-        assert_eq!(depth(&image), [2.0, 0.0, 0.0]);
+        assert_eq!(depth(&image, 0.5), [2.0, 0.0, 0.0]);
     }
 
     #[test]

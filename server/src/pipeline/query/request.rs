@@ -3,7 +3,7 @@
 //! Made by the edges (`http`, `ingest`) from checked input.
 
 use super::super::frame::Intrinsics;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 
 /// The longest text that is taken, in bytes.
 pub const MAX_TEXT_BYTES: usize = 1024;
@@ -27,6 +27,52 @@ pub struct Query {
     pub smoothing_pixels: Option<u32>,
     /// The most objects in the answer.
     pub max_objects: usize,
+    /// Where in space to look (3D).
+    pub place: Place,
+}
+
+/// The most texts that are compared with each other.
+pub const MAX_TEXTS: usize = 32;
+
+/// Several texts compared with each other: which of them is each pixel, or each Gaussian?
+#[derive(Clone, Debug)]
+pub struct Contest {
+    /// What may be there, 2 to [`MAX_TEXTS`], all different.
+    pub texts: Vec<String>,
+    /// What it is not; empty: the bundle's canonical negatives.
+    pub negatives: Vec<String>,
+    /// Answer for this view; `None` is a 3D query.
+    pub view: Option<View>,
+    /// Relevancy that the best text must exceed, or there is no label; `None`: 0.5, nearer to the
+    /// text than to every negative. 0: every place with language gets a label.
+    pub threshold: Option<f32>,
+    /// Side of the mean filter over relevancies, pixels; 0 or 1: none; `None`: the configured one.
+    pub smoothing_pixels: Option<u32>,
+}
+
+/// Where in space objects and points may be, metres in the map's world.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// Objects nearest to this point come first, and say how far they are.
+    pub near: Option<Point3<f32>>,
+    /// Only points, and objects whose centres are, between these corners.
+    pub within: Option<Bounds>,
+}
+
+/// An axis-aligned box, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The least corner.
+    pub min: Point3<f32>,
+    /// The greatest corner; no coordinate is less than the least corner's.
+    pub max: Point3<f32>,
+}
+
+impl Bounds {
+    /// Whether a point is in the box or on its border.
+    pub fn contains(&self, point: &Point3<f32>) -> bool {
+        (0..3).all(|axis| (self.min[axis]..=self.max[axis]).contains(&point[axis]))
+    }
 }
 
 /// A place to look from.

@@ -3,9 +3,10 @@
 //! Decoded features are kept for the snapshot that was asked about last, as long as they fit into
 //! the configured memory; a larger map is decoded in batches at every question.
 
-use super::answer::ScoredPoint;
+use super::answer::{LabelledPoint, ScoredPoint};
 use super::clusters::Weighted;
 use super::relevancy::Comparison;
+use super::rivals::{Rivals, winner};
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::snapshot::MapSnapshot;
@@ -24,8 +25,10 @@ pub(super) struct SpaceCache {
 
 struct Decoded {
     gaussians: Arc<HostGaussians>,
-    /// `[n, D]` for the Gaussians with language, in order.
-    features: Vec<f32>,
+    /// The Gaussians with language, in order.
+    rows: Vec<u32>,
+    /// `[rows, D]`, unit length; `None`: too many to keep.
+    features: Option<Vec<f32>>,
 }
 
 /// Relevancies of a map.
@@ -36,13 +39,22 @@ pub(super) struct Scores {
     pub coverage: f32,
 }
 
+/// Labels of a map.
+pub(super) struct Labels {
+    /// Gaussians with language and enough opacity.
+    pub points: Vec<LabelledPoint>,
+    /// The share of Gaussians with language.
+    pub coverage: f32,
+}
+
 impl SpaceCache {
     /// Holds at most this much.
     pub(super) fn new(limit_mib: usize) -> Self {
         Self { limit_bytes: limit_mib << 20, last: None }
     }
 
-    /// Decodes the snapshot's codes if that has not been done and they fit.
+    /// Finds the Gaussians with language and decodes their codes, if that has not been done and they
+    /// fit.
     pub(super) fn prepare(
         &mut self,
         decoder: &mut GenericDecoder,
@@ -54,32 +66,34 @@ impl SpaceCache {
             return Ok(());
         }
         self.last = None;
-        let codes = codes_with_language(snapshot);
-        let rows = codes.len() / snapshot.online.code_size();
-        if rows * size * size_of::<f32>() > self.limit_bytes {
-            return Ok(());
+        let rows = with_language(snapshot);
+        let mut features = None;
+        if rows.len() * size * size_of::<f32>() <= self.limit_bytes {
+            let mut decoded = Vec::with_capacity(rows.len() * size);
+            let generic = snapshot.online.decode(&codes_of(snapshot, &rows));
+            decoder.decompress(&generic, |batch| decoded.extend_from_slice(batch))?;
+            features = Some(decoded);
         }
-        let mut features = Vec::with_capacity(rows * size);
-        let generic = snapshot.online.decode(&codes);
-        decoder.decompress(&generic, |batch| features.extend_from_slice(batch))?;
-        self.last = Some(Decoded { gaussians: snapshot.gaussians.clone(), features });
+        self.last = Some(Decoded { gaussians: snapshot.gaussians.clone(), rows, features });
         Ok(())
     }
 
-    /// Relevancy of every Gaussian with language, in order.
-    fn relevancies(
+    /// The Gaussians with language, and what `compare` makes of their features, in order;
+    /// [`Self::prepare`] comes first.
+    fn compared(
         &self,
         decoder: &mut GenericDecoder,
         snapshot: &MapSnapshot,
-        comparison: &Comparison,
-    ) -> Result<Vec<f32>, NetworkError> {
-        if let Some(decoded) = &self.last {
-            return Ok(comparison.relevancies(&decoded.features));
+        compare: impl Fn(&[f32]) -> Vec<f32>,
+    ) -> Result<(&[u32], Vec<f32>), NetworkError> {
+        let last = self.last.as_ref().expect("the snapshot was prepared");
+        if let Some(features) = &last.features {
+            return Ok((&last.rows, compare(features)));
         }
         let mut found = Vec::new();
-        let generic = snapshot.online.decode(&codes_with_language(snapshot));
-        decoder.decompress(&generic, |batch| found.extend(comparison.relevancies(batch)))?;
-        Ok(found)
+        let generic = snapshot.online.decode(&codes_of(snapshot, &last.rows));
+        decoder.decompress(&generic, |batch| found.extend(compare(batch)))?;
+        Ok((&last.rows, found))
     }
 
     /// Gaussians above the threshold; [`Self::prepare`] comes first.
@@ -90,36 +104,68 @@ impl SpaceCache {
         comparison: &Comparison,
         threshold: f32,
     ) -> Result<Scores, NetworkError> {
-        let relevancies = self.relevancies(decoder, snapshot, comparison)?;
-        let gaussians = &snapshot.gaussians;
-        let coverage = relevancies.len() as f32 / gaussians.means.len().max(1) as f32;
-        let relevant = with_language(snapshot)
+        let compare = |features: &[f32]| comparison.relevancies(features);
+        let (rows, relevancies) = self.compared(decoder, snapshot, compare)?;
+        let relevant = rows
+            .iter()
             .zip(relevancies)
             .filter(|&(_, score)| score > threshold)
-            .map(|(at, score)| Weighted {
-                point: ScoredPoint { position: Point3::from(gaussians.means[at]), score },
-                opacity: sigmoid(gaussians.language.opacity_logits[at]),
-            })
-            .filter(|weighted| {
-                weighted.opacity > LEAST_OPACITY
-                    && weighted.point.position.iter().all(|c| c.is_finite())
+            .filter_map(|(&row, score)| {
+                let (position, opacity) = placed(&snapshot.gaussians, row)?;
+                Some(Weighted { point: ScoredPoint { position, score }, opacity })
             })
             .collect();
-        Ok(Scores { relevant, coverage })
+        Ok(Scores { relevant, coverage: coverage(snapshot, rows) })
+    }
+
+    /// The best text of every Gaussian; [`Self::prepare`] comes first.
+    pub(super) fn labels(
+        &self,
+        decoder: &mut GenericDecoder,
+        snapshot: &MapSnapshot,
+        rivals: &Rivals,
+        threshold: f32,
+    ) -> Result<Labels, NetworkError> {
+        let compare = |features: &[f32]| rivals.relevancies(features);
+        let (rows, relevancies) = self.compared(decoder, snapshot, compare)?;
+        let points = rows
+            .iter()
+            .zip(relevancies.chunks_exact(rivals.len()))
+            .filter_map(|(&row, relevancies)| {
+                let (position, _) = placed(&snapshot.gaussians, row)?;
+                let (label, score) = winner(relevancies.iter().copied(), threshold);
+                Some(LabelledPoint { position, label, score })
+            })
+            .collect();
+        Ok(Labels { points, coverage: coverage(snapshot, rows) })
     }
 }
 
-/// Indices of the Gaussians that have language, in order.
-fn with_language(snapshot: &MapSnapshot) -> impl Iterator<Item = usize> {
-    let codes = snapshot.gaussians.language.features.chunks_exact(snapshot.online.code_size());
-    codes.enumerate().filter(|(_, code)| code.iter().any(|&value| value != 0.0)).map(|(at, _)| at)
+/// The share of Gaussians with language.
+fn coverage(snapshot: &MapSnapshot, rows: &[u32]) -> f32 {
+    rows.len() as f32 / snapshot.gaussians.len().max(1) as f32
 }
 
-/// Their codes, `[n, code_size]`.
-fn codes_with_language(snapshot: &MapSnapshot) -> Vec<f32> {
+/// Where a Gaussian is and how opaque its language; `None` if it is no place for an object.
+fn placed(gaussians: &HostGaussians, row: u32) -> Option<(Point3<f32>, f32)> {
+    let position = Point3::from(gaussians.means[row as usize]);
+    let opacity = sigmoid(gaussians.language.opacity_logits[row as usize]);
+    let counts = opacity > LEAST_OPACITY && position.iter().all(|c| c.is_finite());
+    counts.then_some((position, opacity))
+}
+
+/// Indices of the Gaussians that have language, in order.
+fn with_language(snapshot: &MapSnapshot) -> Vec<u32> {
+    let codes = snapshot.gaussians.language.features.chunks_exact(snapshot.online.code_size());
+    let spoken = codes.enumerate().filter(|(_, code)| code.iter().any(|&value| value != 0.0));
+    spoken.map(|(at, _)| at as u32).collect()
+}
+
+/// The codes of some Gaussians, `[rows, code_size]`.
+fn codes_of(snapshot: &MapSnapshot, rows: &[u32]) -> Vec<f32> {
     let size = snapshot.online.code_size();
     let codes = &snapshot.gaussians.language.features;
-    with_language(snapshot).flat_map(|at| &codes[at * size..(at + 1) * size]).copied().collect()
+    rows.iter().flat_map(|&row| &codes[row as usize * size..][..size]).copied().collect()
 }
 
 fn sigmoid(logit: f32) -> f32 {

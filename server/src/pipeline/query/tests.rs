@@ -89,6 +89,7 @@ fn query(text: &str, view: Option<View>) -> Query {
         threshold: None,
         smoothing_pixels: Some(5),
         max_objects: 10,
+        place: Place::default(),
     }
 }
 
@@ -197,6 +198,102 @@ fn what_is_wrong_with_a_question_is_named() {
     assert_eq!(fault(query("couch", Some(view))).0, Some("view.camera"));
     // Negative control: the thread is still there and answers a right one.
     assert!(room.ask(query("couch", None)).is_ok());
+}
+
+fn contest(texts: &[&str], view: Option<View>) -> Contest {
+    Contest {
+        texts: texts.iter().map(|&text| text.to_owned()).collect(),
+        negatives: vec![],
+        view,
+        threshold: None,
+        smoothing_pixels: Some(5),
+    }
+}
+
+#[test]
+fn several_words_share_a_view_and_the_space_among_them() {
+    let room = room(&QueryConfig::default());
+    let ask = |contest: Contest| {
+        wait(room.thread.segment(room.snapshot.clone(), contest)).expect("an answer")
+    };
+    let found = ask(contest(&["banana", "sofa"], Some(View::Frame(7))));
+    let image = found.image.expect("a view has an image");
+    assert_eq!((image.width, image.height, image.labels.len()), (160, 120, 160 * 120));
+    let at = |column: usize| image.labels[60 * 160 + column];
+    assert_eq!((at(44), at(115), at(0)), (2, 1, 0));
+    // Two squares of 42 pixels in 160x120.
+    assert!(found.shares.iter().all(|share| (share - 0.092).abs() < 0.03), "{:?}", found.shares);
+    let points = ask(contest(&["banana", "sofa"], None)).points.expect("space has points");
+    assert_eq!(points.len(), 2 * SIDE * SIDE);
+    assert!(points.iter().all(|point| point.label == if point.position.x < 0.0 { 2 } else { 1 }));
+    // Negative control: words the other way round, labels the other way round.
+    let points = ask(contest(&["sofa", "banana"], None)).points.expect("space has points");
+    assert!(points.iter().all(|point| point.label == if point.position.x < 0.0 { 1 } else { 2 }));
+    // Above a threshold that nothing reaches nothing has a label.
+    let strict = Contest { threshold: Some(1.0), ..contest(&["banana", "sofa"], None) };
+    assert_eq!(ask(strict).shares, [0.0, 0.0]);
+    let fault = |contest| {
+        let asked = wait(room.thread.segment(room.snapshot.clone(), contest));
+        asked.expect_err("it is wrong").field()
+    };
+    assert_eq!(fault(contest(&["sofa"], None)), Some("texts"));
+    assert_eq!(fault(contest(&["sofa", " "], None)), Some("texts"));
+    assert_eq!(fault(contest(&["sofa", "cup"], Some(View::Frame(8)))), Some("view.frame"));
+}
+
+#[test]
+fn places_limit_and_order_what_is_found() {
+    let room = room(&QueryConfig::default());
+    let point = |x: f32| nalgebra::Point3::new(x, 0.0, 2.0);
+    let ask = |place: Place| {
+        // A threshold that both squares pass.
+        let query = Query { place, threshold: Some(0.0), ..query("sofa", None) };
+        let answer = room.ask(query).expect("an answer");
+        (answer.objects.expect("asked for"), answer.points.expect("asked for"))
+    };
+    let (all, points) = ask(Place::default());
+    assert_eq!((all.len(), points.len()), (2, 2 * SIDE * SIDE));
+    for x in [-0.9, 0.9] {
+        let (found, _) = ask(Place { near: Some(point(x)), within: None });
+        assert!(found[0].center.x * x > 0.0, "the nearest is on the same side: {found:?}");
+        assert!((found[0].distance.expect("it was near") - 0.115).abs() < 0.02, "{found:?}");
+    }
+    let within = Some(Bounds {
+        min: nalgebra::Point3::new(0.0, -1.0, 1.0),
+        max: nalgebra::Point3::new(1.0, 1.0, 3.0),
+    });
+    let (found, points) = ask(Place { near: None, within });
+    assert_eq!((found.len(), points.len()), (1, SIDE * SIDE));
+    assert!(points.iter().all(|point| point.position.x > 0.0) && found[0].center.x > 0.0);
+}
+
+#[test]
+fn a_mesh_of_the_squares_has_their_colours_and_words() {
+    let room = room(&QueryConfig::default());
+    let mut snapshot = (*room.snapshot).clone();
+    let keyframe = super::super::snapshot::KeyframeInfo {
+        frame: snapshot.trajectory[0],
+        intrinsics: CAMERA,
+        rgb: Arc::default(),
+        has_language: true,
+    };
+    snapshot.keyframes = Arc::new(vec![keyframe]);
+    let snapshot = Arc::new(snapshot);
+    let gpu = Gpu::new(None).expect("a Vulkan adapter");
+    let found = wait(mesh(gpu.clone(), snapshot.clone(), 0.03)).expect("a mesh");
+    assert!(found.faces.len() > 200, "{} triangles", found.faces.len());
+    assert!(found.positions.iter().all(|p| (p.z - 2.0).abs() < 0.03), "flat");
+    let query = query("sofa", None);
+    let codes = found.codes.clone();
+    let relevancies = wait(room.thread.compare(snapshot.clone(), codes, query)).expect("numbers");
+    let mean = |left: bool| {
+        let side = |(p, r): (&nalgebra::Point3<f32>, &f32)| ((p.x < 0.0) == left).then_some(*r);
+        let all: Vec<f32> = found.positions.iter().zip(&relevancies).filter_map(side).collect();
+        all.iter().sum::<f32>() / all.len() as f32
+    };
+    assert!(mean(true) > mean(false) + 0.2, "sofa left {} right {}", mean(true), mean(false));
+    let error = wait(mesh(gpu, snapshot, 0.0)).expect_err("no such voxel");
+    assert_eq!(error.field(), Some("voxel"));
 }
 
 #[test]

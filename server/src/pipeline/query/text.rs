@@ -3,7 +3,8 @@
 use super::super::network::{NetworkError, RelevancySpec, TextTower};
 use super::QueryError;
 use super::relevancy::Comparison;
-use super::request::{MAX_NEGATIVES, MAX_TEXT_BYTES, Query};
+use super::request::{Contest, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Query};
+use super::rivals::Rivals;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -22,23 +23,39 @@ impl Words {
 
     /// What the question's features are to be compared with.
     pub(super) fn comparison(&mut self, query: &Query) -> Result<Comparison, QueryError> {
-        let text = checked("text", &query.text)?;
+        let text = self.embedding(checked("text", &query.text)?)?;
+        let negatives = self.negatives(&query.negatives)?;
+        let temperature = self.relevancy.temperature;
+        Ok(Comparison::new(temperature, &text, negatives.iter().map(|negative| &negative[..])))
+    }
+
+    /// Several texts that compete for every feature.
+    pub(super) fn rivals(&mut self, contest: &Contest) -> Result<Rivals, QueryError> {
+        let found = contest.texts.len();
+        if !(2..=MAX_TEXTS).contains(&found) {
+            return Err(QueryError::WrongTextCount { limit: MAX_TEXTS, found });
+        }
+        let texts: Vec<Arc<[f32]>> = contest
+            .texts
+            .iter()
+            .map(|text| Ok(self.embedding(checked("texts", text)?)?))
+            .collect::<Result<_, QueryError>>()?;
+        let negatives = self.negatives(&contest.negatives)?;
+        Ok(Rivals::new(self.relevancy.temperature, &texts, &negatives))
+    }
+
+    /// The given negatives, or the bundle's if there are none.
+    fn negatives(&mut self, given: &[String]) -> Result<Vec<Arc<[f32]>>, QueryError> {
         let canonical = self.relevancy.negatives.clone();
-        let negatives = match &query.negatives[..] {
-            [] => &canonical,
-            given => given,
-        };
+        let negatives = if given.is_empty() { &canonical[..] } else { given };
         if negatives.len() > MAX_NEGATIVES {
             let found = negatives.len();
             return Err(QueryError::TooManyNegatives { limit: MAX_NEGATIVES, found });
         }
-        let text = self.embedding(text)?;
-        let negatives: Vec<Arc<[f32]>> = negatives
+        negatives
             .iter()
             .map(|negative| Ok(self.embedding(checked("negatives", negative)?)?))
-            .collect::<Result<_, QueryError>>()?;
-        let temperature = self.relevancy.temperature;
-        Ok(Comparison::new(temperature, &text, negatives.iter().map(|negative| &negative[..])))
+            .collect()
     }
 
     fn embedding(&mut self, text: &str) -> Result<Arc<[f32]>, NetworkError> {

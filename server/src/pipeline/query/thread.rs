@@ -3,20 +3,20 @@
 //! In: snapshots with questions. Out: answers. Questions are answered one after the other; a full
 //! queue makes the asker wait.
 
-use super::answer::{Answer, Heatmap, Picture, Timing};
+use super::answer::{Answer, Heatmap, Object, Picture, ScoredPoint, Segmentation, Timing};
 use super::clusters::{Density, objects};
 use super::picture::{self, PaletteCache};
 use super::relevancy::Comparison;
-use super::request::{Query, RenderRequest, View};
+use super::request::{Contest, Query, RenderRequest, View};
 use super::scene::Scene;
 use super::space::SpaceCache;
 use super::text::Words;
-use super::view::{self, ViewCache};
-use super::{QueryConfig, QueryError, presence, regions, viewpoint};
+use super::view::{self, ViewCache, ViewFeatures};
+use super::{QueryConfig, QueryError, place, presence, regions, viewpoint};
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::network::TextNetworks;
 use crate::pipeline::snapshot::MapSnapshot;
-use lexsplat_gpu::Gpu;
+use lexsplat_gpu::{Camera, Gpu};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -31,6 +31,18 @@ enum Job {
         snapshot: Arc<MapSnapshot>,
         request: RenderRequest,
         reply: oneshot::Sender<Result<Picture, QueryError>>,
+    },
+    Segment {
+        snapshot: Arc<MapSnapshot>,
+        contest: Contest,
+        since: Instant,
+        reply: oneshot::Sender<Result<Segmentation, QueryError>>,
+    },
+    Compare {
+        snapshot: Arc<MapSnapshot>,
+        codes: Vec<f32>,
+        query: Query,
+        reply: oneshot::Sender<Result<Vec<f32>, QueryError>>,
     },
 }
 
@@ -85,6 +97,32 @@ impl QueryThread {
         self.send(|reply| Job::Render { snapshot, request, reply }).await
     }
 
+    /// Compares several texts with each other.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the texts, or what failed.
+    pub async fn segment(
+        &self,
+        snapshot: Arc<MapSnapshot>,
+        contest: Contest,
+    ) -> Result<Segmentation, QueryError> {
+        let since = Instant::now();
+        self.send(|reply| Job::Segment { snapshot, contest, since, reply }).await
+    }
+
+    /// Relevancies, 0..1, of codes `[n, code_size]` of the snapshot; 0 for codes of zeros.
+    ///
+    /// # Errors
+    /// [`QueryError`] names what is wrong with the question, or what failed.
+    pub async fn compare(
+        &self,
+        snapshot: Arc<MapSnapshot>,
+        codes: Vec<f32>,
+        query: Query,
+    ) -> Result<Vec<f32>, QueryError> {
+        self.send(|reply| Job::Compare { snapshot, codes, query, reply }).await
+    }
+
     async fn send<T>(
         &self,
         job: impl FnOnce(oneshot::Sender<Result<T, QueryError>>) -> Job,
@@ -108,16 +146,16 @@ impl Drop for QueryThread {
 }
 
 /// What the thread owns.
-struct Worker {
-    config: QueryConfig,
+pub(super) struct Worker {
+    pub(super) config: QueryConfig,
     threshold: f32,
     present_threshold: f32,
-    feature_size: usize,
-    words: Words,
-    decoder: GenericDecoder,
+    pub(super) feature_size: usize,
+    pub(super) words: Words,
+    pub(super) decoder: GenericDecoder,
     scene: Scene,
     views: ViewCache,
-    space: SpaceCache,
+    pub(super) space: SpaceCache,
     palette: PaletteCache,
 }
 
@@ -148,6 +186,12 @@ impl Worker {
                     let (scene, palette) = (&mut self.scene, &mut self.palette);
                     drop(reply.send(picture::render(scene, palette, &snapshot, &request)));
                 }
+                Job::Segment { snapshot, contest, since, reply } => {
+                    drop(reply.send(self.segmentation(&snapshot, &contest, since)));
+                }
+                Job::Compare { snapshot, codes, query, reply } => {
+                    drop(reply.send(self.compare(&snapshot, &codes, &query)));
+                }
             }
         }
     }
@@ -170,6 +214,44 @@ impl Worker {
         Ok(answer)
     }
 
+    fn compare(
+        &mut self,
+        snapshot: &MapSnapshot,
+        codes: &[f32],
+        query: &Query,
+    ) -> Result<Vec<f32>, QueryError> {
+        let comparison = self.words.comparison(query)?;
+        let mut found = Vec::with_capacity(codes.len() / snapshot.online.code_size());
+        let generic = snapshot.online.decode(codes);
+        self.decoder.decompress(&generic, |batch| found.extend(comparison.relevancies(batch)))?;
+        for (code, found) in codes.chunks_exact(snapshot.online.code_size()).zip(&mut found) {
+            if code.iter().all(|&value| value == 0.0) {
+                *found = 0.0;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Decoded features of a view, with the time that rendering and decoding took.
+    pub(super) fn features(
+        &mut self,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+        timing: &mut Timing,
+    ) -> Result<Arc<ViewFeatures>, QueryError> {
+        if let Some(features) = self.views.get(snapshot, camera) {
+            return Ok(features);
+        }
+        let mut clock = Instant::now();
+        let image = view::render(&mut self.scene, snapshot, camera, &self.config)?;
+        timing.render = lap(&mut clock);
+        let features = view::decode(&mut self.decoder, snapshot, &image, self.feature_size)?;
+        timing.decode = lap(&mut clock);
+        let features = Arc::new(features);
+        self.views.put(snapshot, camera, features.clone());
+        Ok(features)
+    }
+
     fn answer_view(
         &mut self,
         snapshot: &MapSnapshot,
@@ -180,20 +262,8 @@ impl Worker {
     ) -> Result<Answer, QueryError> {
         let camera = viewpoint::camera(snapshot, view)?;
         let mut timing = Timing::default();
+        let features = self.features(snapshot, &camera, &mut timing)?;
         let mut clock = Instant::now();
-        let features = match self.views.get(snapshot, &camera) {
-            Some(features) => features,
-            None => {
-                let image = view::render(&mut self.scene, snapshot, &camera, &self.config)?;
-                timing.render = lap(&mut clock);
-                let size = self.feature_size;
-                let features = view::decode(&mut self.decoder, snapshot, &image, size)?;
-                timing.decode = lap(&mut clock);
-                let features = Arc::new(features);
-                self.views.put(snapshot, &camera, features.clone());
-                features
-            }
-        };
         let side = query.smoothing_pixels.unwrap_or(self.config.smoothing_pixels);
         let relevancy = features.relevancy(comparison, &camera).smoothed(side as usize);
         let peak = regions::peak(&relevancy);
@@ -240,8 +310,11 @@ impl Worker {
         let density =
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
         let mut found = objects(&scores.relevant, density);
-        let confidence =
-            presence::confidence(found.first().map(|object| object.score), self.present_threshold);
+        place::sort_out(&mut found, &query.place);
+        let within = |point: &ScoredPoint| {
+            query.place.within.is_none_or(|within| within.contains(&point.position))
+        };
+        let confidence = presence::confidence(best_score(&found), self.present_threshold);
         found.truncate(query.max_objects);
         timing.score = lap(&mut clock);
         let outputs = query.outputs;
@@ -255,20 +328,25 @@ impl Worker {
             mask: None,
             boxes: None,
             peak: None,
-            points: outputs
-                .points
-                .then(|| scores.relevant.iter().map(|weighted| weighted.point).collect()),
+            points: outputs.points.then(|| {
+                scores.relevant.iter().map(|weighted| weighted.point).filter(within).collect()
+            }),
             objects: outputs.objects.then_some(found),
             timing,
         })
     }
 }
 
+/// The greatest of the objects' scores, in whatever order they are.
+fn best_score(objects: &[Object]) -> Option<f32> {
+    objects.iter().map(|object| object.score).max_by(f32::total_cmp)
+}
+
 /// Milliseconds since the last lap.
-fn lap(clock: &mut Instant) -> f32 {
+pub(super) fn lap(clock: &mut Instant) -> f32 {
     milliseconds(std::mem::replace(clock, Instant::now()))
 }
 
-fn milliseconds(since: Instant) -> f32 {
+pub(super) fn milliseconds(since: Instant) -> f32 {
     since.elapsed().as_secs_f32() * 1e3
 }

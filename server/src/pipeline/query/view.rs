@@ -5,6 +5,7 @@
 //! costs as much as there are pixels.
 
 use super::relevancy::{Comparison, Plane};
+use super::rivals::Rivals;
 use super::scene::Scene;
 use super::{QueryConfig, QueryError};
 use crate::pipeline::compressor::GENERIC;
@@ -37,7 +38,21 @@ impl ViewFeatures {
 
     /// Relevancy of every pixel at the view's size, not smoothed; 0 where no language is.
     pub(super) fn relevancy(&self, comparison: &Comparison, camera: &Camera) -> Plane {
-        let scores = comparison.relevancies(&self.features);
+        self.spread(comparison.relevancies(&self.features).into_iter(), camera)
+    }
+
+    /// The same for several texts, in order.
+    pub(super) fn relevancies(&self, rivals: &Rivals, camera: &Camera) -> Vec<Plane> {
+        let scores = rivals.relevancies(&self.features);
+        (0..rivals.len())
+            .map(|text| {
+                self.spread(scores.iter().skip(text).step_by(rivals.len()).copied(), camera)
+            })
+            .collect()
+    }
+
+    /// Scores of the pixels with language as an image at the view's size.
+    fn spread(&self, scores: impl Iterator<Item = f32>, camera: &Camera) -> Plane {
         let mut values = vec![0.0; self.width * self.height];
         for (&pixel, score) in self.pixels.iter().zip(scores) {
             values[pixel as usize] = score;

@@ -1,0 +1,149 @@
+"""Reads a map's exported files with other people's libraries and compares them with each other.
+
+    PYTHONPATH=.deps/readers:.deps/gsply python3 tests/outside/files.py FOLDER
+
+The folder has splats.ply, splats.spz, splats.glb, language.npz, points.ply and mesh.ply of one map.
+plyfile reads the PLY files, gsply's C++ reader the SPZ, trimesh glTF and meshes, NumPy the rest.
+Prints what it found; fails where two files disagree, or where a spoilt one is read without complaint.
+"""
+
+import json
+import struct
+import sys
+from pathlib import Path
+
+import gsply_cpp
+import numpy as np
+import trimesh
+from plyfile import PlyData
+
+SH_0 = 0.28209479177387814
+
+
+def columns(vertices, *names):
+    return np.stack([np.asarray(vertices[name], np.float64) for name in names], axis=-1)
+
+
+def unit(quaternions):
+    return quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+
+
+def same_rotations(a, b, least):
+    return bool((np.abs((unit(a) * unit(b)).sum(-1)) > least).all())
+
+
+def read_splats(path):
+    vertices = PlyData.read(str(path))["vertex"].data
+    return {
+        "means": columns(vertices, "x", "y", "z"),
+        "sh0": columns(vertices, "f_dc_0", "f_dc_1", "f_dc_2"),
+        "opacity": 1 / (1 + np.exp(-np.asarray(vertices["opacity"], np.float64))),
+        "log_scale": columns(vertices, "scale_0", "scale_1", "scale_2"),
+        "rotation": columns(vertices, "rot_0", "rot_1", "rot_2", "rot_3"),
+    }
+
+
+def check_spz(path, splats):
+    """SPZ is right, up, back and lossy: tolerances are half a step of each attribute's quantisation."""
+    read = gsply_cpp.read_spz(str(path))
+    flip = np.array([1.0, -1.0, -1.0])
+
+    def differences(order):
+        return {
+            "metres": np.abs(read["means"] * flip - splats["means"][order]).max(),
+            "log scale": np.abs(read["scales"] - np.clip(splats["log_scale"][order], -10, 5.9375)).max(),
+            "opacity": np.abs(1 / (1 + np.exp(-read["opacities"].ravel())) - splats["opacity"][order]).max(),
+            "colour": np.abs(read["sh0"] - np.clip(splats["sh0"][order], -10 / 3, 10 / 3)).max() * SH_0,
+        }
+
+    limits = {"metres": 0.6 / 4096, "log scale": 0.51 / 16, "opacity": 0.51 / 255, "colour": 0.51 / 255 / 0.15 * SH_0}
+    count = len(splats["means"])
+    found = differences(np.arange(count))
+    assert all(found[key] <= limits[key] for key in limits), f"SPZ against PLY: {found}, at most {limits}"
+    turned = read["quats"] * np.array([1.0, 1.0, -1.0, -1.0])
+    assert same_rotations(turned, splats["rotation"], 0.99999), "SPZ: rotations"
+    # Negative controls: in another order they differ, and half a file is refused.
+    wrong = differences(np.roll(np.arange(count), 1))
+    assert all(wrong[key] > limits[key] for key in limits), f"the comparison sees nothing: {wrong}"
+    half = path.with_suffix(".half.spz")
+    half.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    try:
+        gsply_cpp.read_spz(str(half))
+    except Exception:
+        return found
+    raise AssertionError("half an SPZ was read without complaint")
+
+
+def check_glb(path, splats):
+    scene = trimesh.load(str(path))
+    (name,) = scene.geometry
+    (node,) = scene.graph.nodes_geometry
+    turn, _ = scene.graph[node]
+    assert np.allclose(np.diag(turn), [1, -1, -1, 1], atol=1e-6), f"glTF is y up, z back: {turn}"
+    assert np.allclose(scene.geometry[name].vertices, splats["means"], atol=1e-6), "glTF: positions"
+    data = path.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    assert "KHR_gaussian_splatting" in document["extensionsUsed"]
+    primitive = document["meshes"][0]["primitives"][0]
+    assert primitive["mode"] == 0 and primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == "ellipse"
+
+    def attribute(name, parts):
+        accessor = document["accessors"][primitive["attributes"]["KHR_gaussian_splatting:" + name]]
+        view = document["bufferViews"][accessor["bufferView"]]
+        assert accessor["componentType"] == 5126 and accessor["type"] == {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[parts]
+        return np.frombuffer(binary, "<f4", accessor["count"] * parts, view["byteOffset"]).reshape(-1, parts)
+
+    assert np.allclose(np.log(attribute("SCALE", 3)), splats["log_scale"], atol=1e-5), "glTF: scales are linear"
+    assert np.allclose(attribute("OPACITY", 1)[:, 0], splats["opacity"], atol=1e-6), "glTF: opacities"
+    assert np.allclose(attribute("SH_DEGREE_0_COEF_0", 3), splats["sh0"], atol=1e-6), "glTF: colours"
+    rotation = np.roll(attribute("ROTATION", 4), 1, axis=-1)
+    assert same_rotations(rotation, splats["rotation"], 0.999999), "glTF: rotations are x, y, z, w"
+    assert not same_rotations(np.roll(rotation, 1, axis=0), splats["rotation"], 0.999999), "sees nothing"
+
+
+def check_language(path, splats):
+    arrays = np.load(path)
+    count = len(splats["means"])
+    assert arrays["codes"].shape == (count, 15) and arrays["generic"].shape == (count, 32)
+    spoken = np.any(arrays["codes"] != 0, axis=1)
+    lengths = np.linalg.norm(arrays["generic"], axis=1)
+    assert np.allclose(lengths[spoken], 1, atol=1e-3) and not lengths[~spoken].any()
+    assert ((arrays["opacity"] >= 0) & (arrays["opacity"] <= 1)).all()
+    assert arrays["rotation"].shape == (count, 4) and arrays["log_scale"].shape == (count, 3)
+    return float(spoken.mean())
+
+
+def check_mesh(path, splats):
+    mesh = trimesh.load(str(path), process=False)
+    vertices = PlyData.read(str(path))["vertex"].data
+    assert len(mesh.faces) > 100 and mesh.faces.max() < len(mesh.vertices), "mesh: faces"
+    low, high = splats["means"].min(0) - 0.2, splats["means"].max(0) + 0.2
+    assert (mesh.vertices >= low).all() and (mesh.vertices <= high).all(), "the mesh leaves the map"
+    relevancy = np.asarray(vertices["relevancy"])
+    assert (relevancy >= 0).all() and (relevancy <= 1).all() and relevancy.std() > 0
+    # Normals are what the triangles' order says.
+    given = columns(vertices, "nx", "ny", "nz")
+    agree = (given * mesh.vertex_normals).sum(-1)
+    assert np.median(agree) > 0.95, f"normals: {np.median(agree)}"
+    return len(mesh.faces), float(mesh.area)
+
+
+def main():
+    folder = Path(sys.argv[1])
+    splats = read_splats(folder / "splats.ply")
+    worst = check_spz(folder / "splats.spz", splats)
+    check_glb(folder / "splats.glb", splats)
+    points = PlyData.read(str(folder / "points.ply"))["vertex"].data
+    assert np.array_equal(columns(points, "x", "y", "z"), splats["means"])
+    shown = np.clip(splats["sh0"] * SH_0 + 0.5, 0, 1) * 255
+    assert np.abs(columns(points, "red", "green", "blue") - shown).max() < 0.51
+    spoken = check_language(folder / "language.npz", splats)
+    faces, area = check_mesh(folder / "mesh.ply", splats)
+    print(f"{len(splats['means'])} splats agree in PLY, SPZ and glTF; {spoken:.0%} have language")
+    print("SPZ loses at most", ", ".join(f"{value:.2g} {key}" for key, value in worst.items()))
+    print(f"mesh: {faces} triangles, {area:.1f} m2")
+
+
+if __name__ == "__main__":
+    main()
