@@ -2,14 +2,16 @@
 
 use lexsplat_client::dataset::{DatasetSpec, FrameRange};
 use lexsplat_client::evaluate::{EvaluateError, Options, Step, Target, evaluate, plot};
-use lexsplat_client::stream::Poses;
+use lexsplat_client::stream::{Encoder, Poses};
 use lexsplat_tests::{Server, tiny_config};
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 const FRAMES: usize = 18;
 
 fn options(language: bool) -> Options {
-    Options { poses: Poses::Given, language }
+    let hold_out_every = NonZeroUsize::new(4);
+    Options { poses: Poses::Given, encoder: Encoder::Bundle, hold_out_every, language }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -4,6 +4,7 @@ mod backpressure;
 mod bad_input;
 mod end_to_end;
 mod evaluate;
+mod labels;
 mod outside;
 mod shutdown;
 mod tracking;

@@ -28,11 +28,12 @@ pub use views::{HELD_OUT_EVERY, ViewMeans, ViewScore};
 
 use crate::dataset::{Dataset, DatasetError};
 use crate::http::{Answer, HttpClient, HttpError, Question, Status};
-use crate::stream::{ClientError, Poses, Progress, StreamOptions, Summary, stream};
+use crate::stream::{ClientError, Encoder, Poses, Progress, StreamOptions, Summary, stream};
 use image::{DynamicImage, RgbImage};
 use recorded::{Recorded, Seen};
 use report::Measured;
 use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -52,6 +53,11 @@ pub struct Target {
 pub struct Options {
     /// Where the map's poses come from.
     pub poses: Poses,
+    /// Where the map's language comes from.
+    pub encoder: Encoder,
+    /// Every so many frames one is only tracked, and the pictures are scored on these. `None`: none is,
+    /// and they are scored on every [`HELD_OUT_EVERY`]-th tracked frame that is no keyframe.
+    pub hold_out_every: Option<NonZeroUsize>,
     /// Whether words are asked, if the data set has masks.
     pub language: bool,
 }
@@ -193,6 +199,8 @@ pub async fn evaluate(
         grpc: target.grpc.clone(),
         map: target.map.clone(),
         poses: options.poses,
+        encoder: options.encoder,
+        hold_out_every: options.hold_out_every,
         realtime: false,
     };
     let on_progress = |progress: &Progress| on_step(Step::Streaming(progress));
@@ -214,7 +222,7 @@ pub async fn evaluate(
     let trajectory = paired(&estimate, &truth);
 
     let context = Context { client: &client, map: &target.map, dataset: &*recorded };
-    let chosen = Chosen::of(&seen, &estimate, &summary);
+    let chosen = Chosen::of(&seen, &estimate, &summary, options.hold_out_every);
     let views = views::score(&context, &chosen.views(), &mut on_step).await?;
     let language = match context.dataset.truth().filter(|_| options.language) {
         Some(truth) => {
@@ -231,7 +239,7 @@ pub async fn evaluate(
     let peak_rss_bytes = stages::peak_memory(&client.metrics().await?);
     let report = Report::new(Measured {
         dataset: context.dataset,
-        poses: options.poses,
+        options,
         health,
         summary,
         status,
@@ -262,22 +270,38 @@ struct Chosen {
     tracked: Vec<usize>,
     keyframes: Vec<usize>,
     others: Vec<usize>,
+    /// Frames that nothing in the map was made of, to be rendered.
+    held_out: Vec<usize>,
 }
 
 impl Chosen {
-    fn of(seen: &[Seen], estimate: &[StampedPose], summary: &Summary) -> Self {
+    fn of(
+        seen: &[Seen],
+        estimate: &[StampedPose],
+        summary: &Summary,
+        hold_out_every: Option<NonZeroUsize>,
+    ) -> Self {
         let times: BTreeSet<u64> = estimate.iter().map(|pose| pose.nanos).collect();
         let keys: BTreeSet<u64> = summary.keyframes.iter().copied().collect();
         let tracked: Vec<&Seen> = seen.iter().filter(|seen| times.contains(&seen.nanos)).collect();
         let (keyframes, others): (Vec<&Seen>, Vec<&Seen>) =
             tracked.iter().partition(|seen| keys.contains(&seen.sequence));
-        let indices = |frames: Vec<&Seen>| frames.into_iter().map(|seen| seen.index).collect();
-        Self { tracked: indices(tracked), keyframes: indices(keyframes), others: indices(others) }
+        let indices =
+            |frames: Vec<&Seen>| -> Vec<usize> { frames.into_iter().map(|seen| seen.index).collect() };
+        let others = indices(others);
+        let held_out = match hold_out_every {
+            Some(every) => {
+                let is_held_out = |index: &usize| (index + 1).is_multiple_of(every.get());
+                others.iter().copied().filter(is_held_out).collect()
+            }
+            None => others.iter().copied().step_by(HELD_OUT_EVERY).collect(),
+        };
+        Self { tracked: indices(tracked), keyframes: indices(keyframes), others, held_out }
     }
 
     /// Frames to render, in order, and whether each is a keyframe.
     fn views(&self) -> Vec<(usize, bool)> {
-        let held_out = self.others.iter().step_by(HELD_OUT_EVERY).map(|index| (*index, false));
+        let held_out = self.held_out.iter().map(|index| (*index, false));
         let mut views: Vec<_> =
             held_out.chain(self.keyframes.iter().map(|index| (*index, true))).collect();
         views.sort_unstable();
@@ -305,13 +329,15 @@ mod tests {
         // Frame 3 is lost, 0 and 10 are keyframes.
         let estimate: Vec<StampedPose> = (0..20).filter(|i| *i != 3).map(pose).collect();
         let summary = Summary { keyframes: vec![100, 110], ..Summary::default() };
-        let chosen = Chosen::of(&seen, &estimate, &summary);
+        let chosen = Chosen::of(&seen, &estimate, &summary, None);
         assert_eq!(chosen.tracked.len(), 19);
         let views = chosen.views();
         let held_out: Vec<usize> = views.iter().filter(|view| !view.1).map(|view| view.0).collect();
         assert_eq!(held_out, [1, 7, 13, 18]);
         assert_eq!(views.iter().filter(|view| view.1).count(), 2);
         assert!(!chosen.test_frames().contains(&3) && !chosen.test_frames().contains(&0));
+        let every = NonZeroUsize::new(8);
+        assert_eq!(Chosen::of(&seen, &estimate, &summary, every).held_out, [7, 15]);
         let only_keys = Chosen { others: Vec::new(), ..chosen };
         assert_eq!(only_keys.test_frames().len(), 19);
     }

@@ -3,15 +3,17 @@
 
 mod page;
 
+use super::Options;
 use super::language::Language;
 use super::stages::Stage;
 use super::trajectory::Ate;
 use super::views::{ViewMeans, ViewScore};
 use crate::dataset::Dataset;
 use crate::http::{Health, Status};
-use crate::stream::{Poses, Summary};
+use crate::stream::{Encoder, Poses, Summary};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 
 /// What the paper says of its own runs: means over the Replica scenes of vMAP, tracked poses.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -49,6 +51,10 @@ pub struct Report {
     pub frame_size: [u32; 2],
     /// "given" or "estimate".
     pub poses: &'static str,
+    /// "bundle" (the server's networks) or "oracle" (the true classes' names).
+    pub encoder: &'static str,
+    /// Every so many frames one was only tracked, if so.
+    pub hold_out_every: Option<usize>,
     /// What the server renders on.
     pub adapter: String,
     /// Its networks.
@@ -118,7 +124,7 @@ pub struct Report {
 /// What a report is made of.
 pub(super) struct Measured<'a> {
     pub dataset: &'a dyn Dataset,
-    pub poses: Poses,
+    pub options: Options,
     pub health: Health,
     pub summary: Summary,
     pub status: Status,
@@ -152,7 +158,12 @@ impl Report {
         Self {
             dataset: dataset.name().to_owned(),
             frame_size: [camera.width, camera.height],
-            poses: match measured.poses {
+            encoder: match measured.options.encoder {
+                Encoder::Bundle => "bundle",
+                Encoder::Oracle => "oracle",
+            },
+            hold_out_every: measured.options.hold_out_every.map(NonZeroUsize::get),
+            poses: match measured.options.poses {
                 Poses::Given => "given",
                 Poses::Estimate => "estimate",
             },
@@ -320,6 +331,8 @@ pub(super) mod tests {
             dataset: "room7".into(),
             frame_size: [320, 240],
             poses: "given",
+            encoder: "bundle",
+            hold_out_every: Some(8),
             adapter: "software".into(),
             bundle: "tiny".into(),
             version: "1".into(),

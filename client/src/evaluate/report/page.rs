@@ -11,12 +11,16 @@ use std::fmt::Write as _;
 pub(super) fn markdown(report: &Report, pictures: &[(String, String)]) -> String {
     let [width, height] = report.frame_size;
     let mut page = format!(
-        "# {}: {} frames of {width}x{height}, poses {}\n\nlexsplat {} on {}; networks: {}.\n\n",
+        "# {}: {} frames of {width}x{height}, poses {}, {}\n\nlexsplat {} on {}; networks: {}.\n\n",
         report.dataset,
         report.frames,
         match report.poses {
             "given" => "given",
             _ => "estimated by the server",
+        },
+        match report.encoder {
+            "oracle" => "language given: the true classes' names (oracle)",
+            _ => "language by the server's networks",
         },
         report.version,
         report.adapter,
@@ -125,14 +129,16 @@ fn protocol(report: &Report) -> String {
          until the map had settled, language included.\n\
          - **ATE**: all tracked frames, rigid alignment (Umeyama, no scale), distances of \
          positions; lost frames do not count and are given apart. The paper counts keyframes only.\n\
-         - **Held out**: every {HELD_OUT_EVERY}th of the tracked frames that are no keyframe ({}), \
-         rendered at the tracked pose: the map's Gaussians were optimised on keyframes only. The \
-         same walk, so near to keyframes: not a new path. Keyframes ({}) are what it was optimised \
-         on.\n\
+         - **Held out**: {} ({}), rendered at the tracked pose. The same walk, so near to \
+         keyframes: not a new path. Keyframes ({}) are what the map was optimised on.\n\
          - **PSNR, SSIM**: RGB of 8 bits as 0..1, all pixels, mean over frames; SSIM with an 11x11 \
          Gaussian window (sigma 1.5), border left out. The paper leaves black pixels out of PSNR \
          and pads SSIM with zeros.\n\
          - **Depth L1**: pixels with measured and rendered depth{}.\n",
+        match report.hold_out_every {
+            Some(every) => format!("every {every}th frame was tracked and never a keyframe"),
+            None => format!("every {HELD_OUT_EVERY}th of the tracked frames that are no keyframe"),
+        },
         report.held_out.views,
         report.keyframe_views.views,
         match report.held_out.depth_share {
@@ -171,13 +177,13 @@ mod tests {
         let pictures = [("psnr.png".to_owned(), "PSNR over frames".to_owned())];
         let page = markdown(&some_report(), &pictures);
         for part in [
-            "# room7: 40 frames of 320x240, poses given",
+            "# room7: 40 frames of 320x240, poses given, language by the server's networks",
             "| PSNR held out, dB | 22.00 | 35.81 |",
             "another data set",
             "| sofa | 2 | 0.060 | 0.210 | 0.440 | 0.330 | 0.500 | 0.91 | 0.85 | 0.600 |",
             "IoU at 0.87",
             "| decode | 40 | 10.0 | 10.0 |",
-            "every 5th",
+            "every 8th frame",
             "![PSNR over frames](psnr.png)",
             "max_gaussians = 200000",
         ] {

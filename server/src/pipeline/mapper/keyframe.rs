@@ -100,8 +100,12 @@ impl Keyframe {
 }
 
 impl Mapper {
-    /// Whether the camera has moved or turned enough since the last keyframe.
+    /// Whether the camera has moved or turned enough since the last keyframe; never of a frame that is
+    /// held out.
     pub(super) fn is_keyframe(&self, frame: &Frame, pose: &Isometry3<f64>) -> bool {
+        if frame.held_out {
+            return false;
+        }
         let Some(last) = self.keyframes.last() else { return true };
         let last_from_camera = last.frame.world_from_camera.inverse() * pose;
         let moved = last_from_camera.translation.vector.norm();

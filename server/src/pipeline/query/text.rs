@@ -41,6 +41,11 @@ impl Words {
         Ok(Comparison::new(temperature, &text, negatives.iter().map(|negative| &negative[..])))
     }
 
+    /// A text's embedding `[D]`, unit length.
+    pub(super) fn embed(&mut self, text: &str) -> Result<Arc<[f32]>, QueryError> {
+        Ok(self.embedding(checked("text", text)?)?)
+    }
+
     fn embedding(&mut self, text: &str) -> Result<Arc<[f32]>, NetworkError> {
         if let Some(embedding) = self.cache.get(text) {
             return Ok(embedding);

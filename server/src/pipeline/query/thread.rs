@@ -14,6 +14,7 @@ use super::text::Words;
 use super::view::{self, ViewCache};
 use super::{QueryConfig, QueryError, presence, regions, viewpoint};
 use crate::pipeline::compressor::generic::GenericDecoder;
+use crate::pipeline::encoder::Embed;
 use crate::pipeline::network::TextNetworks;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::Gpu;
@@ -31,6 +32,10 @@ enum Job {
         snapshot: Arc<MapSnapshot>,
         request: RenderRequest,
         reply: oneshot::Sender<Result<Picture, QueryError>>,
+    },
+    Embed {
+        text: String,
+        reply: oneshot::Sender<Result<Arc<[f32]>, QueryError>>,
     },
 }
 
@@ -71,6 +76,20 @@ impl QueryThread {
     ) -> Result<Answer, QueryError> {
         let asked = Asked { snapshot, query, since: Instant::now() };
         self.send(|reply| Job::Ask { asked, reply }).await
+    }
+
+    /// Words to features for other threads of the pipeline; it waits, so never for the query thread's
+    /// own. It does not keep this thread alive.
+    pub fn embedder(&self) -> Embed {
+        let queue = self.queue.as_ref().expect("only dropping takes the queue").downgrade();
+        Box::new(move |text| {
+            let stopped = || QueryError::Stopped.to_string();
+            let (reply, embedding) = oneshot::channel();
+            let job = Job::Embed { text: text.to_owned(), reply };
+            queue.upgrade().ok_or_else(stopped)?.blocking_send(job).map_err(|_| stopped())?;
+            let embedding = embedding.blocking_recv().map_err(|_| stopped())?;
+            embedding.map_err(|error| error.to_string())
+        })
     }
 
     /// Renders a picture.
@@ -144,6 +163,7 @@ impl Worker {
         while let Some(job) = jobs.blocking_recv() {
             match job {
                 Job::Ask { asked, reply } => drop(reply.send(self.answer(&asked))),
+                Job::Embed { text, reply } => drop(reply.send(self.words.embed(&text))),
                 Job::Render { snapshot, request, reply } => {
                     let (scene, palette) = (&mut self.scene, &mut self.palette);
                     drop(reply.send(picture::render(scene, palette, &snapshot, &request)));
