@@ -168,6 +168,8 @@ impl Bars {
                 status.keyframes, status.gaussians
             )),
             Step::Rendering { done, of } => self.begin("comparing", of).set_position(done as u64),
+            Step::Locating { done, of } => self.begin("locating", of).set_position(done as u64),
+            Step::Judging { done, of } => self.begin("judging", of).set_position(done as u64),
             Step::Asking { done, of } => self.begin("asking", of).set_position(done as u64),
         }
     }
@@ -215,6 +217,11 @@ fn write(out: &Path, evaluation: &Evaluation) -> Result<PathBuf> {
     let plots = [
         ("trajectory.png", "Trajectory from above", plot::trajectory(trajectory)),
         ("psnr.png", "PSNR over frames", plot::psnr(&report.views)),
+        (
+            "reliability.png",
+            "Confidence and truth",
+            report.presence.as_ref().and_then(plot::reliability),
+        ),
         ("stages.png", "Stage times", plot::stages(&report.stages, report.frames)),
     ];
     let plots = plots.into_iter().filter_map(|(file, caption, picture)| {

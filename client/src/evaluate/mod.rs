@@ -5,37 +5,44 @@
 //! [`Evaluation`] with the [`Report`], the trajectories for plots and some pictures. It writes no
 //! file and starts no server; it asks the server as every client does.
 
+mod clouds;
 mod language;
 mod picture;
+mod presence;
 mod recorded;
 mod report;
 mod samples;
 mod score;
+mod space;
 mod stages;
 mod trajectory;
 mod views;
 
 pub mod plot;
 
-pub use language::{ClassScore, LabelMeans, LabelScore, Language};
+pub use clouds::{Point, chamfer, earth_movers, resampled};
+pub use language::{ClassScore, LabelMeans, LabelScore, Language, Latency};
 pub use picture::{DepthError, depth_error, psnr_db, ssim};
+pub use presence::{Bin, Fitted, Judgement, Presence, Reliability};
 pub use report::{Report, Row};
 pub use samples::Sample;
 pub use score::{Bounds, Plane, as_released, average_precision, boxes, iou};
+pub use space::{CountScore, Space, SpaceMeans, SpaceScore};
 pub use stages::Stage;
 pub use trajectory::{Ate, StampedPose, align, ate, paired, read_tum};
 pub use views::{HELD_OUT_EVERY, ViewMeans, ViewScore};
 
-use crate::dataset::{Dataset, DatasetError};
+use crate::dataset::{Dataset, DatasetError, Truth};
 use crate::http::{Answer, HttpClient, HttpError, Question, Status};
 use crate::stream::{ClientError, Encoder, Poses, Progress, StreamOptions, Summary, stream};
 use image::{DynamicImage, RgbImage};
+use nalgebra::Isometry3;
 use recorded::{Recorded, Seen};
 use report::Measured;
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Which server, and which of its maps; the map must be new.
 #[derive(Clone, Debug)]
@@ -72,6 +79,20 @@ pub enum Step<'a> {
     /// Frames are rendered and compared.
     Rendering {
         /// So many.
+        done: usize,
+        /// Of so many.
+        of: usize,
+    },
+    /// Words are asked about the whole map.
+    Locating {
+        /// So many.
+        done: usize,
+        /// Of so many.
+        of: usize,
+    },
+    /// Words are asked that are not there.
+    Judging {
+        /// In so many views.
         done: usize,
         /// Of so many.
         of: usize,
@@ -166,13 +187,19 @@ impl Context<'_> {
         Ok(decoded(&file, sequence)?.to_rgb8())
     }
 
-    /// The answer for a frame and its unsmoothed relevancies.
-    async fn relevancy(&self, text: &str, frame: u64) -> Result<(Answer, Plane), EvaluateError> {
+    /// The answer for a frame, its unsmoothed relevancies, and how long the answer took.
+    async fn relevancy(
+        &self,
+        text: &str,
+        frame: u64,
+    ) -> Result<(Answer, Plane, Duration), EvaluateError> {
         let question = Question { smoothing: Some(0), ..Question::in_frame(text, frame) };
+        let asked = Instant::now();
         let answer = self.client.query(self.map, &question).await?;
+        let took = asked.elapsed();
         let missing = || EvaluateError::Answer { reason: format!("{text:?} has no heat map") };
         let (array, _) = self.client.heatmap(answer.heatmap.as_ref().ok_or_else(missing)?).await?;
-        Ok((answer, Plane { width: array.shape[1], values: array.values }))
+        Ok((answer, Plane { width: array.shape[1], values: array.values }, took))
     }
 }
 
@@ -224,17 +251,19 @@ pub async fn evaluate(
     let context = Context { client: &client, map: &target.map, dataset: &*recorded };
     let chosen = Chosen::of(&seen, &estimate, &summary, options.hold_out_every);
     let views = views::score(&context, &chosen.views(), &mut on_step).await?;
-    let language = match context.dataset.truth().filter(|_| options.language) {
+    let words = match context.dataset.truth().filter(|_| options.language) {
         Some(truth) => {
-            let counted: Vec<usize> =
-                chosen.tracked.iter().copied().step_by(language::COUNTED_EVERY).collect();
-            let labels = language::most_visible(truth, &counted)?;
-            let frames = chosen.test_frames();
-            Some(language::score(&context, truth, &labels, &frames, &mut on_step).await?)
+            // Poses that were given are in the true world already.
+            let truth_from_map = match options.poses {
+                Poses::Given => Isometry3::identity(),
+                Poses::Estimate => align(&trajectory),
+            };
+            Some(ask_words(&context, truth, &chosen, &truth_from_map, &mut on_step).await?)
         }
         None => None,
     };
-    let samples = samples::take(&context, &views, language.as_ref(), &seen).await?;
+    let language = words.as_ref().map(|words| &words.language);
+    let samples = samples::take(&context, &views, language, &seen).await?;
     // The server's highest mark is that of all its work, the questions included.
     let peak_rss_bytes = stages::peak_memory(&client.metrics().await?);
     let report = Report::new(Measured {
@@ -247,10 +276,35 @@ pub async fn evaluate(
         peak_rss_bytes,
         ate: ate(&trajectory),
         views,
-        language,
+        words,
         stages: stages::between(&before, &after),
     });
     Ok(Evaluation { report, trajectory, trajectory_tum, samples })
+}
+
+/// Everything that was measured with words.
+struct Words {
+    language: Language,
+    space: Space,
+    presence: Presence,
+}
+
+async fn ask_words(
+    context: &Context<'_>,
+    truth: &dyn Truth,
+    chosen: &Chosen,
+    truth_from_map: &Isometry3<f64>,
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Words, EvaluateError> {
+    let counted: Vec<usize> =
+        chosen.tracked.iter().copied().step_by(language::COUNTED_EVERY).collect();
+    let labels = language::most_visible(truth, &counted)?;
+    let frames = chosen.test_frames();
+    let language = language::score(context, truth, &labels, &frames, on_step).await?;
+    let (space, mut judgements) =
+        space::score(context, truth, &labels, truth_from_map, on_step).await?;
+    judgements.extend(presence::ask(context, truth, &labels, &frames, on_step).await?);
+    Ok(Words { language, space, presence: Presence::of(judgements, &labels) })
 }
 
 /// A map that has frames already would be measured with what others did to it.
@@ -286,8 +340,9 @@ impl Chosen {
         let tracked: Vec<&Seen> = seen.iter().filter(|seen| times.contains(&seen.nanos)).collect();
         let (keyframes, others): (Vec<&Seen>, Vec<&Seen>) =
             tracked.iter().partition(|seen| keys.contains(&seen.sequence));
-        let indices =
-            |frames: Vec<&Seen>| -> Vec<usize> { frames.into_iter().map(|seen| seen.index).collect() };
+        let indices = |frames: Vec<&Seen>| -> Vec<usize> {
+            frames.into_iter().map(|seen| seen.index).collect()
+        };
         let others = indices(others);
         let held_out = match hold_out_every {
             Some(every) => {
@@ -318,7 +373,6 @@ impl Chosen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Isometry3;
 
     #[test]
     fn held_out_frames_are_tracked_and_no_keyframes() {

@@ -79,12 +79,7 @@ fn f32s(data: &[u8], pixels: usize) -> Result<Vec<f32>, Refusal> {
         .collect())
 }
 
-fn length(
-    field: &str,
-    data: &[u8],
-    pixels: usize,
-    bytes_per_pixel: usize,
-) -> Result<(), Refusal> {
+fn length(field: &str, data: &[u8], pixels: usize, bytes_per_pixel: usize) -> Result<(), Refusal> {
     let expected = pixels * bytes_per_pixel;
     if data.len() == expected {
         return Ok(());

@@ -69,7 +69,9 @@ fn png(data: &[u8], width: u32, height: u32) -> Result<Vec<u16>, Refusal> {
     let mut reader = reader();
     reader.limits(color::decoder_limits(width, height));
     match reader.decode().map_err(bad)? {
-        DynamicImage::ImageLuma8(image) => Ok(image.into_raw().into_iter().map(u16::from).collect()),
+        DynamicImage::ImageLuma8(image) => {
+            Ok(image.into_raw().into_iter().map(u16::from).collect())
+        }
         DynamicImage::ImageLuma16(image) => Ok(image.into_raw()),
         other => Err(Refusal::new(
             FIELD,

@@ -94,8 +94,9 @@ fn labelled(ids: Vec<u16>, texts: &[&str]) -> Frame {
 
 #[test]
 fn labels_become_the_codes_of_their_texts_and_no_network_looks() {
-    let (networks, text) =
-        Bundle::load(&LanguageConfig::default()).expect("models/tiny is part of the project").split();
+    let (networks, text) = Bundle::load(&LanguageConfig::default())
+        .expect("models/tiny is part of the project")
+        .split();
     let mut tower = text.tower;
     let asked = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     let noted = asked.clone();

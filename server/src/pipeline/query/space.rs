@@ -15,6 +15,10 @@ use std::sync::Arc;
 
 /// Opacity of the language head below which a Gaussian is no place for an object.
 const LEAST_OPACITY: f32 = 0.3;
+/// Standard deviations of a Gaussian that count as itself when objects are made.
+const DEVIATIONS: f32 = 2.0;
+/// However large a Gaussian is, it joins others no further than this.
+const MOST_REACH_METRES: f32 = 0.2;
 
 /// Decoded features of one snapshot.
 pub(super) struct SpaceCache {
@@ -32,6 +36,8 @@ struct Decoded {
 pub(super) struct Scores {
     /// Gaussians with language and enough opacity, above the threshold.
     pub relevant: Vec<Weighted>,
+    /// Relevancies of all Gaussians with language and enough opacity.
+    pub all: Vec<f32>,
     /// The share of Gaussians with language.
     pub coverage: f32,
 }
@@ -93,19 +99,21 @@ impl SpaceCache {
         let relevancies = self.relevancies(decoder, snapshot, comparison)?;
         let gaussians = &snapshot.gaussians;
         let coverage = relevancies.len() as f32 / gaussians.means.len().max(1) as f32;
-        let relevant = with_language(snapshot)
+        let mut relevant: Vec<Weighted> = with_language(snapshot)
             .zip(relevancies)
-            .filter(|&(_, score)| score > threshold)
             .map(|(at, score)| Weighted {
                 point: ScoredPoint { position: Point3::from(gaussians.means[at]), score },
                 opacity: sigmoid(gaussians.language.opacity_logits[at]),
+                reach: reach(gaussians.language.log_scales[at]),
             })
             .filter(|weighted| {
                 weighted.opacity > LEAST_OPACITY
                     && weighted.point.position.iter().all(|c| c.is_finite())
             })
             .collect();
-        Ok(Scores { relevant, coverage })
+        let all = relevant.iter().map(|weighted| weighted.point.score).collect();
+        relevant.retain(|weighted| weighted.point.score > threshold);
+        Ok(Scores { relevant, all, coverage })
     }
 }
 
@@ -120,6 +128,11 @@ fn codes_with_language(snapshot: &MapSnapshot) -> Vec<f32> {
     let size = snapshot.online.code_size();
     let codes = &snapshot.gaussians.language.features;
     with_language(snapshot).flat_map(|at| &codes[at * size..(at + 1) * size]).copied().collect()
+}
+
+/// Of the ball of two standard deviations (geometric mean over the axes), metres.
+fn reach([x, y, z]: [f32; 3]) -> f32 {
+    (DEVIATIONS * ((x + y + z) / 3.0).exp()).min(MOST_REACH_METRES)
 }
 
 fn sigmoid(logit: f32) -> f32 {

@@ -6,6 +6,7 @@
 use super::answer::{Answer, Heatmap, Picture, Timing};
 use super::clusters::{Density, objects};
 use super::picture::{self, PaletteCache};
+use super::presence::Presence;
 use super::relevancy::Comparison;
 use super::request::{Query, RenderRequest, View};
 use super::scene::Scene;
@@ -130,7 +131,7 @@ impl Drop for QueryThread {
 struct Worker {
     config: QueryConfig,
     threshold: f32,
-    present_threshold: f32,
+    presence: Presence,
     feature_size: usize,
     words: Words,
     decoder: GenericDecoder,
@@ -146,7 +147,10 @@ impl Worker {
         let threshold = config.threshold.unwrap_or(relevancy.threshold);
         Self {
             threshold,
-            present_threshold: relevancy.present_threshold.unwrap_or(threshold),
+            presence: Presence::new(
+                relevancy.present_threshold.unwrap_or(threshold),
+                relevancy.confidence_steepness,
+            ),
             feature_size,
             words: Words::new(tower, relevancy, config.cached_texts),
             decoder: GenericDecoder::new(decompressor),
@@ -218,9 +222,8 @@ impl Worker {
         let relevancy = features.relevancy(comparison, &camera).smoothed(side as usize);
         let peak = regions::peak(&relevancy);
         let boxes = regions::boxes(&relevancy, threshold);
-        // A lone pixel is noise: only regions speak for presence.
-        let confidence =
-            presence::confidence(boxes.first().map(|found| found.score), self.present_threshold);
+        let scores = relevancy.values.iter().copied();
+        let confidence = self.presence.confidence(scores, regions::least_pixels(&relevancy));
         let outputs = query.outputs;
         let mask = outputs.mask.then(|| regions::mask(&relevancy, threshold));
         timing.score = lap(&mut clock);
@@ -260,8 +263,8 @@ impl Worker {
         let density =
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
         let mut found = objects(&scores.relevant, density);
-        let confidence =
-            presence::confidence(found.first().map(|object| object.score), self.present_threshold);
+        let enough = self.config.cluster_points;
+        let confidence = self.presence.confidence(scores.all.iter().copied(), enough);
         found.truncate(query.max_objects);
         timing.score = lap(&mut clock);
         let outputs = query.outputs;
