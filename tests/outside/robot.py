@@ -4,7 +4,9 @@
 Needs `pip install grpcio grpcio-reflection` and nothing of lexsplat: the messages come from the
 server's own reflection.
 
-    robot.py 127.0.0.1:50051 MAP FOLDER [FRAMES]
+    robot.py 127.0.0.1:50051 MAP FOLDER [FRAMES] [--labels]
+
+With --labels the folder's masks go along: each pixel's language is the class of its instance.
 """
 import json
 import sys
@@ -15,8 +17,9 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import (
     ProtoReflectionDescriptorDatabase,
 )
 
-address, name, folder = sys.argv[1:4]
-count = int(sys.argv[4]) if len(sys.argv) > 4 else None
+with_labels = "--labels" in sys.argv
+address, name, folder, *rest = [word for word in sys.argv[1:] if word != "--labels"]
+count = int(rest[0]) if rest else None
 
 channel = grpc.insecure_channel(address)
 pool = descriptor_pool.DescriptorPool(ProtoReflectionDescriptorDatabase(channel))
@@ -49,6 +52,9 @@ def messages():
     into = opening.open.intrinsics
     into.width, into.height = camera["w"], camera["h"]
     into.fx, into.fy, into.cx, into.cy = (camera[key] for key in ("fx", "fy", "cx", "cy"))
+    if with_labels:
+        things = {thing["id"]: thing["class"] for thing in json.load(open(f"{folder}/instances.json"))}
+        opening.open.label_texts.extend(things.get(1 + n, "") for n in range(max(things)))
     yield opening
     for number, line in enumerate(open(f"{folder}/traj.txt")):
         if number == count:
@@ -59,6 +65,9 @@ def messages():
         one.frame.color_format, one.frame.depth_format = 1, 1  # JPEG, 16-bit PNG
         one.frame.color = open(f"{folder}/results/frame{number:06d}.jpg", "rb").read()
         one.frame.depth = open(f"{folder}/results/depth{number:06d}.png", "rb").read()
+        if with_labels:
+            one.frame.label_format = 1  # grey PNG
+            one.frame.labels = open(f"{folder}/semantic/{number:06d}.png", "rb").read()
         turn, at = one.frame.world_from_camera.rotation, one.frame.world_from_camera.translation_metres
         turn.w, turn.x, turn.y, turn.z = quaternion([pose[0:3], pose[4:7], pose[8:11]])
         at.x, at.y, at.z = pose[3], pose[7], pose[11]

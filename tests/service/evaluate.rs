@@ -2,14 +2,16 @@
 
 use lexsplat_client::dataset::{DatasetSpec, FrameRange};
 use lexsplat_client::evaluate::{EvaluateError, Options, Step, Target, evaluate, plot};
-use lexsplat_client::stream::Poses;
+use lexsplat_client::stream::{Encoder, Poses};
 use lexsplat_tests::{Server, tiny_config};
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 const FRAMES: usize = 18;
 
 fn options(language: bool) -> Options {
-    Options { poses: Poses::Given, language }
+    let hold_out_every = NonZeroUsize::new(4);
+    Options { poses: Poses::Given, encoder: Encoder::Bundle, hold_out_every, language }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -19,20 +21,22 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     let open = || Arc::from(DatasetSpec::Synthetic { seed: 8 }.open(range).expect("it is made"));
     let (grpc, http) = (server.grpc.clone(), server.http.clone());
     let target = Target { grpc, http, map: "measured".into() };
-    let mut steps = [false; 4];
+    let mut steps = [false; 6];
     let on_step = |step: Step<'_>| {
         let at = match step {
             Step::Streaming(_) => 0,
             Step::Settling(_) => 1,
             Step::Rendering { .. } => 2,
             Step::Asking { .. } => 3,
+            Step::Locating { .. } => 4,
+            Step::Judging { .. } => 5,
         };
         steps[at] = true;
     };
     let measured = evaluate(open(), &target, options(true), on_step).await.expect("it is measured");
     let report = &measured.report;
     println!("{}", report.markdown(&[]));
-    assert!(steps[0] && steps[2] && steps[3], "{steps:?}");
+    assert!(steps[0] && steps[2..].iter().all(|step| *step), "{steps:?}");
 
     assert_eq!(
         (report.frames, report.frames_tracked, report.frames_lost),
@@ -65,6 +69,16 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     // Knows much more than a map that knows nothing, whose precision is the share.
     assert!(scene.average_precision > 2.0 * scene.share, "{scene:?}");
     assert!(scene.loc_box > 0.5 && scene.loc_box >= scene.loc_mask, "{scene:?}");
+    let space = report.space.as_ref().expect("the room knows its things");
+    assert_eq!(space.labels.len(), language.classes.len());
+    let chamfer = space.means.chamfer_m.expect("something is found");
+    // Found within a room of four metres, and not where nothing is.
+    assert!(chamfer < 1.5 && report.chamfer_m == Some(chamfer), "{space:?}");
+    assert!(space.means.emd_m.is_some_and(|emd| emd > 0.0 && emd < 3.0), "{space:?}");
+    assert!(!space.counts.is_empty(), "{space:?}");
+    let presence = report.presence.as_ref().expect("the room knows its things");
+    assert!(presence.judgements.len() > 100 && report.absent_accuracy.is_some());
+    assert!(plot::reliability(presence).is_some());
     assert!(measured.samples.len() == 4 && plot::psnr(&report.views).is_some());
     assert!(plot::stages(&report.stages, report.frames).is_some());
 

@@ -39,7 +39,11 @@ async fn questions_while_mapping_cost_no_frame() {
                         _ => http.post(format!("{base}/query")).json(&json!({"texts": ["a", "b"]})),
                     };
                     let reply = request.send().await.expect("the server answers");
-                    assert!(reply.status().is_success(), "{}", reply.text().await.unwrap_or_default());
+                    assert!(
+                        reply.status().is_success(),
+                        "{}",
+                        reply.text().await.unwrap_or_default()
+                    );
                     answered.fetch_add(1, Ordering::SeqCst);
                     number += ASKERS;
                 }

@@ -5,6 +5,7 @@ mod bad_input;
 mod end_to_end;
 mod evaluate;
 mod exports;
+mod labels;
 mod load;
 mod outside;
 mod shutdown;

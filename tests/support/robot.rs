@@ -42,6 +42,7 @@ impl Robot {
             intrinsics: Some(v1::Intrinsics { width, height, fx, fy, cx, cy }),
             depth_unit_metres: DEPTH_UNIT_METRES,
             pose_source: v1::PoseSource::Given.into(),
+            label_texts: Vec::new(),
         };
         v1::FrameMessage { message: Some(Message::Open(open)) }
     }
@@ -58,6 +59,7 @@ impl Robot {
             depth: synthetic::write::depth_png(view).expect("it encodes").into(),
             world_from_camera: Some(pose(&self.poses[at])),
             pose_covariance: Vec::new(),
+            ..v1::Frame::default()
         }
     }
 
@@ -66,6 +68,26 @@ impl Robot {
         let frames = (0..self.views.len())
             .map(|at| v1::FrameMessage { message: Some(Message::Frame(self.frame(at))) });
         std::iter::once(self.open(map)).chain(frames).collect()
+    }
+
+    /// The opening message and every frame with its instances as labels, which stand for their classes.
+    pub fn labelled_messages(&self, map: &str) -> Vec<v1::FrameMessage> {
+        let mut messages = self.messages(map);
+        for message in &mut messages {
+            match &mut message.message {
+                Some(Message::Open(open)) => {
+                    let classes = self.room.instances().iter().map(|thing| thing.class.to_owned());
+                    open.label_texts = classes.collect();
+                }
+                Some(Message::Frame(frame)) => {
+                    let view = &self.views[frame.sequence as usize];
+                    frame.set_label_format(v1::LabelFormat::Png);
+                    frame.labels = synthetic::write::mask_png(view).expect("it encodes").into();
+                }
+                None => {}
+            }
+        }
+        messages
     }
 
     /// The class at a pixel of a frame.

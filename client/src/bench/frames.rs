@@ -2,7 +2,7 @@
 
 use super::{BenchError, Plan};
 use crate::dataset::{Dataset, RgbdFrame};
-use crate::stream::{self, ClientError, Poses, StreamOptions};
+use crate::stream::{self, ClientError, Encoder, Poses, StreamOptions};
 use lexsplat_proto::v1::{FrameAck, FrameMessage, FrameStatus, frame_message::Message};
 use std::sync::Arc;
 use std::time::Duration;
@@ -55,6 +55,8 @@ impl Robot {
             map: map.to_owned(),
             poses: Poses::Given,
             realtime: false,
+            encoder: Encoder::Bundle,
+            hold_out_every: None,
         };
         let (outbound, messages) = mpsc::channel(BETWEEN);
         let mut client = stream::connect(&plan.grpc).await?;

@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, bail};
 use indicatif::ProgressBar;
 use lexsplat_client::dataset::{Dataset, DatasetSpec, FrameRange};
 use lexsplat_client::evaluate::{Evaluation, Options, Report, Step, Target, evaluate, plot};
-use lexsplat_client::stream::Poses;
+use lexsplat_client::stream::{Encoder, Poses};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -20,6 +20,7 @@ use std::sync::Arc;
 #[command(
     after_help = "Examples:\n  lexsplat evaluate --dataset replica:room0 --language --out room0-report\n  \
                   lexsplat evaluate --dataset synthetic:7 --frames 60\n  \
+                  lexsplat evaluate --dataset replica:room0 --language --encoder oracle\n  \
                   lexsplat evaluate --dataset tum:fr3_office --poses estimate \
                   --grpc 127.0.0.1:50051 --http 127.0.0.1:8080"
 )]
@@ -30,6 +31,12 @@ pub struct Evaluate {
     /// Where the map's poses come from
     #[arg(long, value_enum, default_value_t = Poses::Given)]
     poses: Poses,
+    /// Where language comes from: "oracle" gives the true classes' names, to measure what the map loses
+    #[arg(long, value_enum, default_value_t = Encoder::Bundle)]
+    encoder: Encoder,
+    /// Every K-th frame is tracked and never a keyframe, and pictures are scored on these; 0: none is
+    #[arg(long, value_name = "K", default_value_t = 8)]
+    held_out: usize,
     /// Only the first N frames (after --stride)
     #[arg(long, value_name = "N")]
     frames: Option<NonZeroUsize>,
@@ -68,8 +75,13 @@ pub async fn run(arguments: &Evaluate) -> Result<()> {
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
     let dataset: Arc<dyn Dataset> =
         Arc::from(arguments.dataset.open(FrameRange { start: 0, end, stride })?);
-    if arguments.language && dataset.truth().is_none() {
-        bail!("--language: {} has no masks: leave it out", arguments.dataset);
+    for (asked, option) in [
+        (arguments.language, "--language"),
+        (arguments.encoder == Encoder::Oracle, "--encoder oracle"),
+    ] {
+        if asked && dataset.truth().is_none() {
+            bail!("{option}: {} has no masks: leave it out", arguments.dataset);
+        }
     }
     let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
@@ -120,7 +132,12 @@ async fn measure(
     target: &Target,
     config: Option<String>,
 ) -> Result<()> {
-    let options = Options { poses: arguments.poses, language: arguments.language };
+    let options = Options {
+        poses: arguments.poses,
+        encoder: arguments.encoder,
+        hold_out_every: NonZeroUsize::new(arguments.held_out),
+        language: arguments.language,
+    };
     let mut bars = Bars::new(dataset.len() as u64);
     let measured = evaluate(dataset, target, options, |step| bars.show(step)).await;
     bars.current.finish_and_clear();
@@ -151,6 +168,8 @@ impl Bars {
                 status.keyframes, status.gaussians
             )),
             Step::Rendering { done, of } => self.begin("comparing", of).set_position(done as u64),
+            Step::Locating { done, of } => self.begin("locating", of).set_position(done as u64),
+            Step::Judging { done, of } => self.begin("judging", of).set_position(done as u64),
             Step::Asking { done, of } => self.begin("asking", of).set_position(done as u64),
         }
     }
@@ -198,6 +217,11 @@ fn write(out: &Path, evaluation: &Evaluation) -> Result<PathBuf> {
     let plots = [
         ("trajectory.png", "Trajectory from above", plot::trajectory(trajectory)),
         ("psnr.png", "PSNR over frames", plot::psnr(&report.views)),
+        (
+            "reliability.png",
+            "Confidence and truth",
+            report.presence.as_ref().and_then(plot::reliability),
+        ),
         ("stages.png", "Stage times", plot::stages(&report.stages, report.frames)),
     ];
     let plots = plots.into_iter().filter_map(|(file, caption, picture)| {

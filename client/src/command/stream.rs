@@ -4,7 +4,7 @@
 use anyhow::{Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::dataset::{DatasetSpec, FrameRange};
-use lexsplat_client::stream::{Poses, Progress, StreamOptions, Summary, stream};
+use lexsplat_client::stream::{Encoder, Poses, Progress, StreamOptions, Summary, stream};
 use lexsplat_proto::v1::FrameStatus;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -24,6 +24,9 @@ pub struct Stream {
     /// Where poses come from
     #[arg(long, value_enum, default_value_t = Poses::Given)]
     poses: Poses,
+    /// Where language comes from
+    #[arg(long, value_enum, default_value_t = Encoder::Bundle)]
+    encoder: Encoder,
     /// First frame, counted from 0
     #[arg(long, value_name = "A", default_value_t = 0)]
     start: usize,
@@ -55,6 +58,8 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         grpc: arguments.grpc.clone(),
         map: arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned()),
         poses: arguments.poses,
+        encoder: arguments.encoder,
+        hold_out_every: None,
         realtime: arguments.realtime,
     };
     let bar = progress_bar(dataset.len() as u64);

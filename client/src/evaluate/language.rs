@@ -10,7 +10,6 @@ use super::score::{Plane, as_released, average_precision, boxes, iou};
 use super::views::mean;
 use super::{Context, EvaluateError, Step};
 use crate::dataset::{Mask, Truth};
-use crate::http::{Answer, Question};
 use serde::Serialize;
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, HashMap};
@@ -23,43 +22,16 @@ pub const COUNTED_EVERY: usize = 5;
 pub const TEST_FRAMES: usize = 21;
 /// A label with fewer pixels in a frame does not count there.
 pub const LEAST_PIXELS: usize = 60;
-/// Side of the mean filter, pixels (paper).
+/// Side of the mean filter (paper), pixels of a frame of [`PAPER_COLUMNS`].
 pub const SMOOTHING: usize = 20;
+/// Columns of the paper's frames: on others the filter is as wide a share of them.
+const PAPER_COLUMNS: usize = 1200;
 /// The paper's threshold.
 pub const PAPER_THRESHOLD: f32 = 0.5;
-/// Asked whether they are there, unless the scene has such a class.
-const ABSENT: [&str; 30] = [
-    "bicycle",
-    "car",
-    "horse",
-    "elephant",
-    "airplane",
-    "boat",
-    "tractor",
-    "surfboard",
-    "piano",
-    "guitar",
-    "drum",
-    "violin",
-    "bathtub",
-    "toilet",
-    "traffic light",
-    "fire hydrant",
-    "tent",
-    "wheelchair",
-    "snowman",
-    "giraffe",
-    "banana",
-    "pizza",
-    "umbrella",
-    "skateboard",
-    "tennis racket",
-    "helicopter",
-    "cactus",
-    "anchor",
-    "canoe",
-    "scissors",
-];
+/// Side of the mean filter on a frame, pixels.
+pub fn smoothing(columns: usize) -> usize {
+    ((SMOOTHING * columns) as f64 / PAPER_COLUMNS as f64).round() as usize
+}
 
 /// One label in one frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -72,6 +44,8 @@ pub struct LabelScore {
     pub share: f64,
     /// IoU of the pixels above 0.5.
     pub iou_paper: f64,
+    /// The same with a filter of [`SMOOTHING`] pixels, whatever the frame's size.
+    pub iou_unscaled: f64,
     /// IoU of the pixels above the bundle's threshold.
     pub iou_bundle: f64,
     /// IoU of the released script's mask.
@@ -93,6 +67,8 @@ pub struct LabelMeans {
     pub share: f64,
     /// At 0.5.
     pub miou_paper: f64,
+    /// At 0.5 with the paper's filter in pixels, whatever the frame's size.
+    pub miou_unscaled: f64,
     /// At the bundle's threshold.
     pub miou_bundle: f64,
     /// Of the released script's mask.
@@ -119,6 +95,37 @@ pub struct ClassScore {
     pub means: LabelMeans,
 }
 
+/// Times of questions about views: the first about a view renders and decodes it, others find it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Latency {
+    /// Questions.
+    pub questions: usize,
+    /// Half are answered within this, milliseconds.
+    pub p50_ms: f64,
+    /// All but one in a hundred are.
+    pub p99_ms: f64,
+    /// Mean.
+    pub mean_ms: f64,
+}
+
+impl Latency {
+    /// Of the times of all questions, milliseconds.
+    fn of(mut milliseconds: Vec<f64>) -> Self {
+        milliseconds.sort_by(f64::total_cmp);
+        // The least time that so many are within (nearest rank).
+        let within = |share: f64| {
+            let rank = (share * milliseconds.len() as f64).ceil().max(1.0) as usize;
+            milliseconds.get(rank - 1).copied().unwrap_or_default()
+        };
+        Self {
+            questions: milliseconds.len(),
+            p50_ms: within(0.5),
+            p99_ms: within(0.99),
+            mean_ms: mean(milliseconds.iter().copied()).unwrap_or_default(),
+        }
+    }
+}
+
 /// What came of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Language {
@@ -130,12 +137,8 @@ pub struct Language {
     pub scene: LabelMeans,
     /// By class, as many as were seen.
     pub classes: Vec<ClassScore>,
-    /// Share of asked classes of which the server says that they are there.
-    pub present_accuracy: Option<f64>,
-    /// Share of nouns that are not there of which it says so.
-    pub absent_accuracy: Option<f64>,
-    /// Mean time of a question, as the asker sees it, milliseconds.
-    pub question_ms: f64,
+    /// How long a question takes, as the asker sees it.
+    pub latency: Latency,
     /// Everything in detail.
     pub scores: Vec<LabelScore>,
 }
@@ -177,7 +180,7 @@ pub fn shows(mask: &Mask, truth: &dyn Truth, class: &str) -> Vec<bool> {
     mask.ids.iter().map(|id| ids.contains(id)).collect()
 }
 
-/// Asks for every label in every frame (positions in the data set), and for what is not there.
+/// Asks for every label in every frame (positions in the data set).
 pub(super) async fn score(
     context: &Context<'_>,
     truth: &dyn Truth,
@@ -191,9 +194,8 @@ pub(super) async fn score(
         let sequence = context.dataset.sequence(index);
         let mut maps = Vec::with_capacity(labels.len());
         for label in labels {
-            let started = std::time::Instant::now();
-            let (answer, map) = context.relevancy(label, sequence).await?;
-            milliseconds.push(started.elapsed().as_secs_f64() * 1e3);
+            let (answer, map, asked) = context.relevancy(label, sequence).await?;
+            milliseconds.push(asked.as_secs_f64() * 1e3);
             bundle_threshold = answer.threshold;
             maps.push(map);
         }
@@ -203,33 +205,14 @@ pub(super) async fn score(
         scores.extend(frame.scores());
     }
     on_step(Step::Asking { done: frames.len(), of: frames.len() });
-    let shown: BTreeSet<&str> = scores.iter().map(|score| score.label.as_str()).collect();
-    let known = classes(truth);
-    let absent = ABSENT.iter().copied().filter(|noun| !known.values().any(|class| class == noun));
     Ok(Language {
         test_frames: frames.iter().map(|index| context.dataset.sequence(*index)).collect(),
         bundle_threshold,
         scene: scene(&scores),
         classes: labels.iter().filter_map(|label| class(&scores, label)).collect(),
-        present_accuracy: judged(context, shown.into_iter(), true).await?,
-        absent_accuracy: judged(context, absent, false).await?,
-        question_ms: mean(milliseconds.into_iter()).unwrap_or_default(),
+        latency: Latency::of(milliseconds),
         scores,
     })
-}
-
-/// Of how many words the server says rightly whether they are anywhere in the map.
-async fn judged(
-    context: &Context<'_>,
-    words: impl Iterator<Item = &str>,
-    there: bool,
-) -> Result<Option<f64>, EvaluateError> {
-    let mut right = Vec::new();
-    for word in words {
-        let answer: Answer = context.client.query(context.map, &Question::in_space(word)).await?;
-        right.push(f64::from(u8::from(answer.present == there)));
-    }
-    Ok(mean(right.into_iter()))
 }
 
 /// Everything about one test frame; maps (unsmoothed) and masks in the labels' order.
@@ -244,13 +227,14 @@ struct Frame<'a> {
 impl Frame<'_> {
     /// Of each label that the frame shows.
     fn scores(&self) -> Vec<LabelScore> {
-        let smooth: Vec<Plane> = self.maps.iter().map(|map| map.smoothed(SMOOTHING)).collect();
+        let smooth: Vec<Plane> =
+            self.maps.iter().map(|map| map.smoothed(smoothing(map.width))).collect();
         let best = best_of(&smooth);
         let counted = |at: &usize| self.masks[*at].iter().filter(|is| **is).count();
         let seen = (0..self.labels.len()).filter(|at| counted(at) >= LEAST_PIXELS);
         seen.map(|at| {
             let (mask, map) = (&self.masks[at], &smooth[at]);
-            let above = |threshold: f32| -> Vec<bool> {
+            let above = |map: &Plane, threshold: f32| -> Vec<bool> {
                 map.values.iter().map(|value| *value > threshold).collect()
             };
             let argmax: Vec<bool> = best.iter().map(|best| *best == Some(at)).collect();
@@ -262,8 +246,12 @@ impl Frame<'_> {
                 sequence: self.sequence,
                 label: self.labels[at].clone(),
                 share: counted(&at) as f64 / mask.len() as f64,
-                iou_paper: iou(&above(PAPER_THRESHOLD), mask),
-                iou_bundle: iou(&above(self.bundle_threshold), mask),
+                iou_paper: iou(&above(map, PAPER_THRESHOLD), mask),
+                iou_unscaled: iou(
+                    &above(&self.maps[at].smoothed(SMOOTHING), PAPER_THRESHOLD),
+                    mask,
+                ),
+                iou_bundle: iou(&above(map, self.bundle_threshold), mask),
                 iou_released: iou(&as_released(&self.maps[at]), mask),
                 iou_argmax: iou(&argmax, mask),
                 peak_in_box: peak.is_some_and(in_box),
@@ -295,6 +283,7 @@ fn means(scores: &[&LabelScore]) -> LabelMeans {
     LabelMeans {
         share: of(|score| score.share),
         miou_paper: of(|score| score.iou_paper),
+        miou_unscaled: of(|score| score.iou_unscaled),
         miou_bundle: of(|score| score.iou_bundle),
         miou_released: of(|score| score.iou_released),
         miou_argmax: of(|score| score.iou_argmax),
@@ -323,6 +312,7 @@ fn scene(scores: &[LabelScore]) -> LabelMeans {
     LabelMeans {
         share: of(|frame| frame.share),
         miou_paper: of(|frame| frame.miou_paper),
+        miou_unscaled: of(|frame| frame.miou_unscaled),
         miou_bundle: of(|frame| frame.miou_bundle),
         miou_released: of(|frame| frame.miou_released),
         miou_argmax: of(|frame| frame.miou_argmax),
@@ -394,6 +384,7 @@ mod tests {
             label: "sofa".into(),
             share: 0.1,
             iou_paper,
+            iou_unscaled: 0.0,
             iou_bundle: 0.0,
             iou_released: 0.0,
             iou_argmax: 0.0,
@@ -405,6 +396,19 @@ mod tests {
         assert_eq!(scene(&scores).miou_paper, 0.75);
         assert_eq!(class(&scores, "sofa").unwrap().means.miou_paper, 2.0 / 3.0);
         assert_eq!(class(&scores, "lamp"), None);
+    }
+
+    #[test]
+    fn the_filter_is_as_wide_a_share_of_every_frame() {
+        assert_eq!([1200, 600, 640, 320].map(smoothing), [20, 10, 11, 5]);
+    }
+
+    #[test]
+    fn latencies_are_ranks() {
+        let found = Latency::of((1..=200).rev().map(f64::from).collect());
+        assert_eq!((found.p50_ms, found.p99_ms, found.mean_ms), (100.0, 198.0, 100.5));
+        assert_eq!(Latency::of(vec![7.0]).p99_ms, 7.0);
+        assert_eq!(Latency::of(Vec::new()), Latency::default());
     }
 
     #[test]

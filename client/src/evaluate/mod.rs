@@ -5,36 +5,44 @@
 //! [`Evaluation`] with the [`Report`], the trajectories for plots and some pictures. It writes no
 //! file and starts no server; it asks the server as every client does.
 
+mod clouds;
 mod language;
 mod picture;
+mod presence;
 mod recorded;
 mod report;
 mod samples;
 mod score;
+mod space;
 mod stages;
 mod trajectory;
 mod views;
 
 pub mod plot;
 
-pub use language::{ClassScore, LabelMeans, LabelScore, Language};
+pub use clouds::{Point, chamfer, earth_movers, resampled};
+pub use language::{ClassScore, LabelMeans, LabelScore, Language, Latency};
 pub use picture::{DepthError, depth_error, psnr_db, ssim};
+pub use presence::{Bin, Fitted, Judgement, Presence, Reliability};
 pub use report::{Report, Row};
 pub use samples::Sample;
 pub use score::{Bounds, Plane, as_released, average_precision, boxes, iou};
+pub use space::{CountScore, Space, SpaceMeans, SpaceScore};
 pub use stages::Stage;
 pub use trajectory::{Ate, StampedPose, align, ate, paired, read_tum};
 pub use views::{HELD_OUT_EVERY, ViewMeans, ViewScore};
 
-use crate::dataset::{Dataset, DatasetError};
+use crate::dataset::{Dataset, DatasetError, Truth};
 use crate::http::{Answer, HttpClient, HttpError, Question, Status};
-use crate::stream::{ClientError, Poses, Progress, StreamOptions, Summary, stream};
+use crate::stream::{ClientError, Encoder, Poses, Progress, StreamOptions, Summary, stream};
 use image::{DynamicImage, RgbImage};
+use nalgebra::Isometry3;
 use recorded::{Recorded, Seen};
 use report::Measured;
 use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Which server, and which of its maps; the map must be new.
 #[derive(Clone, Debug)]
@@ -52,6 +60,11 @@ pub struct Target {
 pub struct Options {
     /// Where the map's poses come from.
     pub poses: Poses,
+    /// Where the map's language comes from.
+    pub encoder: Encoder,
+    /// Every so many frames one is only tracked, and the pictures are scored on these. `None`: none is,
+    /// and they are scored on every [`HELD_OUT_EVERY`]-th tracked frame that is no keyframe.
+    pub hold_out_every: Option<NonZeroUsize>,
     /// Whether words are asked, if the data set has masks.
     pub language: bool,
 }
@@ -66,6 +79,20 @@ pub enum Step<'a> {
     /// Frames are rendered and compared.
     Rendering {
         /// So many.
+        done: usize,
+        /// Of so many.
+        of: usize,
+    },
+    /// Words are asked about the whole map.
+    Locating {
+        /// So many.
+        done: usize,
+        /// Of so many.
+        of: usize,
+    },
+    /// Words are asked that are not there.
+    Judging {
+        /// In so many views.
         done: usize,
         /// Of so many.
         of: usize,
@@ -160,13 +187,19 @@ impl Context<'_> {
         Ok(decoded(&file, sequence)?.to_rgb8())
     }
 
-    /// The answer for a frame and its unsmoothed relevancies.
-    async fn relevancy(&self, text: &str, frame: u64) -> Result<(Answer, Plane), EvaluateError> {
+    /// The answer for a frame, its unsmoothed relevancies, and how long the answer took.
+    async fn relevancy(
+        &self,
+        text: &str,
+        frame: u64,
+    ) -> Result<(Answer, Plane, Duration), EvaluateError> {
         let question = Question { smoothing: Some(0), ..Question::in_frame(text, frame) };
+        let asked = Instant::now();
         let answer = self.client.query(self.map, &question).await?;
+        let took = asked.elapsed();
         let missing = || EvaluateError::Answer { reason: format!("{text:?} has no heat map") };
         let (array, _) = self.client.heatmap(answer.heatmap.as_ref().ok_or_else(missing)?).await?;
-        Ok((answer, Plane { width: array.shape[1], values: array.values }))
+        Ok((answer, Plane { width: array.shape[1], values: array.values }, took))
     }
 }
 
@@ -193,6 +226,8 @@ pub async fn evaluate(
         grpc: target.grpc.clone(),
         map: target.map.clone(),
         poses: options.poses,
+        encoder: options.encoder,
+        hold_out_every: options.hold_out_every,
         realtime: false,
     };
     let on_progress = |progress: &Progress| on_step(Step::Streaming(progress));
@@ -214,24 +249,26 @@ pub async fn evaluate(
     let trajectory = paired(&estimate, &truth);
 
     let context = Context { client: &client, map: &target.map, dataset: &*recorded };
-    let chosen = Chosen::of(&seen, &estimate, &summary);
+    let chosen = Chosen::of(&seen, &estimate, &summary, options.hold_out_every);
     let views = views::score(&context, &chosen.views(), &mut on_step).await?;
-    let language = match context.dataset.truth().filter(|_| options.language) {
+    let words = match context.dataset.truth().filter(|_| options.language) {
         Some(truth) => {
-            let counted: Vec<usize> =
-                chosen.tracked.iter().copied().step_by(language::COUNTED_EVERY).collect();
-            let labels = language::most_visible(truth, &counted)?;
-            let frames = chosen.test_frames();
-            Some(language::score(&context, truth, &labels, &frames, &mut on_step).await?)
+            // Poses that were given are in the true world already.
+            let truth_from_map = match options.poses {
+                Poses::Given => Isometry3::identity(),
+                Poses::Estimate => align(&trajectory),
+            };
+            Some(ask_words(&context, truth, &chosen, &truth_from_map, &mut on_step).await?)
         }
         None => None,
     };
-    let samples = samples::take(&context, &views, language.as_ref(), &seen).await?;
+    let language = words.as_ref().map(|words| &words.language);
+    let samples = samples::take(&context, &views, language, &seen).await?;
     // The server's highest mark is that of all its work, the questions included.
     let peak_rss_bytes = stages::peak_memory(&client.metrics().await?);
     let report = Report::new(Measured {
         dataset: context.dataset,
-        poses: options.poses,
+        options,
         health,
         summary,
         status,
@@ -239,10 +276,35 @@ pub async fn evaluate(
         peak_rss_bytes,
         ate: ate(&trajectory),
         views,
-        language,
+        words,
         stages: stages::between(&before, &after),
     });
     Ok(Evaluation { report, trajectory, trajectory_tum, samples })
+}
+
+/// Everything that was measured with words.
+struct Words {
+    language: Language,
+    space: Space,
+    presence: Presence,
+}
+
+async fn ask_words(
+    context: &Context<'_>,
+    truth: &dyn Truth,
+    chosen: &Chosen,
+    truth_from_map: &Isometry3<f64>,
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Words, EvaluateError> {
+    let counted: Vec<usize> =
+        chosen.tracked.iter().copied().step_by(language::COUNTED_EVERY).collect();
+    let labels = language::most_visible(truth, &counted)?;
+    let frames = chosen.test_frames();
+    let language = language::score(context, truth, &labels, &frames, on_step).await?;
+    let (space, mut judgements) =
+        space::score(context, truth, &labels, truth_from_map, on_step).await?;
+    judgements.extend(presence::ask(context, truth, &labels, &frames, on_step).await?);
+    Ok(Words { language, space, presence: Presence::of(judgements, &labels) })
 }
 
 /// A map that has frames already would be measured with what others did to it.
@@ -262,22 +324,39 @@ struct Chosen {
     tracked: Vec<usize>,
     keyframes: Vec<usize>,
     others: Vec<usize>,
+    /// Frames that nothing in the map was made of, to be rendered.
+    held_out: Vec<usize>,
 }
 
 impl Chosen {
-    fn of(seen: &[Seen], estimate: &[StampedPose], summary: &Summary) -> Self {
+    fn of(
+        seen: &[Seen],
+        estimate: &[StampedPose],
+        summary: &Summary,
+        hold_out_every: Option<NonZeroUsize>,
+    ) -> Self {
         let times: BTreeSet<u64> = estimate.iter().map(|pose| pose.nanos).collect();
         let keys: BTreeSet<u64> = summary.keyframes.iter().copied().collect();
         let tracked: Vec<&Seen> = seen.iter().filter(|seen| times.contains(&seen.nanos)).collect();
         let (keyframes, others): (Vec<&Seen>, Vec<&Seen>) =
             tracked.iter().partition(|seen| keys.contains(&seen.sequence));
-        let indices = |frames: Vec<&Seen>| frames.into_iter().map(|seen| seen.index).collect();
-        Self { tracked: indices(tracked), keyframes: indices(keyframes), others: indices(others) }
+        let indices = |frames: Vec<&Seen>| -> Vec<usize> {
+            frames.into_iter().map(|seen| seen.index).collect()
+        };
+        let others = indices(others);
+        let held_out = match hold_out_every {
+            Some(every) => {
+                let is_held_out = |index: &usize| (index + 1).is_multiple_of(every.get());
+                others.iter().copied().filter(is_held_out).collect()
+            }
+            None => others.iter().copied().step_by(HELD_OUT_EVERY).collect(),
+        };
+        Self { tracked: indices(tracked), keyframes: indices(keyframes), others, held_out }
     }
 
     /// Frames to render, in order, and whether each is a keyframe.
     fn views(&self) -> Vec<(usize, bool)> {
-        let held_out = self.others.iter().step_by(HELD_OUT_EVERY).map(|index| (*index, false));
+        let held_out = self.held_out.iter().map(|index| (*index, false));
         let mut views: Vec<_> =
             held_out.chain(self.keyframes.iter().map(|index| (*index, true))).collect();
         views.sort_unstable();
@@ -294,7 +373,6 @@ impl Chosen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Isometry3;
 
     #[test]
     fn held_out_frames_are_tracked_and_no_keyframes() {
@@ -305,13 +383,15 @@ mod tests {
         // Frame 3 is lost, 0 and 10 are keyframes.
         let estimate: Vec<StampedPose> = (0..20).filter(|i| *i != 3).map(pose).collect();
         let summary = Summary { keyframes: vec![100, 110], ..Summary::default() };
-        let chosen = Chosen::of(&seen, &estimate, &summary);
+        let chosen = Chosen::of(&seen, &estimate, &summary, None);
         assert_eq!(chosen.tracked.len(), 19);
         let views = chosen.views();
         let held_out: Vec<usize> = views.iter().filter(|view| !view.1).map(|view| view.0).collect();
         assert_eq!(held_out, [1, 7, 13, 18]);
         assert_eq!(views.iter().filter(|view| view.1).count(), 2);
         assert!(!chosen.test_frames().contains(&3) && !chosen.test_frames().contains(&0));
+        let every = NonZeroUsize::new(8);
+        assert_eq!(Chosen::of(&seen, &estimate, &summary, every).held_out, [7, 15]);
         let only_keys = Chosen { others: Vec::new(), ..chosen };
         assert_eq!(only_keys.test_frames().len(), 19);
     }

@@ -1,7 +1,7 @@
 //! A few pictures to look at: target, render and heat map of the best class in its best frame and the
 //! worst class in its worst, and target and render of the best and the worst held-out view. In: scores. Out: pictures side by side.
 
-use super::language::{LabelScore, Language, SMOOTHING};
+use super::language::{LabelScore, Language, smoothing};
 use super::recorded::Seen;
 use super::views::{ViewScore, color};
 use super::{Context, EvaluateError};
@@ -68,8 +68,8 @@ pub(super) async fn take(
             language.scores.iter().filter(|score| score.label == class.label).collect();
         let Some(score) = rank.of(&own, |score| score.average_precision) else { continue };
         let (target, render) = pair(context, score.sequence, seen).await?;
-        let (_, plane) = context.relevancy(&class.label, score.sequence).await?;
-        let smooth = plane.smoothed(SMOOTHING);
+        let (_, plane, _) = context.relevancy(&class.label, score.sequence).await?;
+        let smooth = plane.smoothed(smoothing(plane.width));
         let shape = vec![smooth.values.len() / smooth.width, smooth.width];
         let mut heat = overlay::heat(&render, &Array { shape, values: smooth.values.clone() });
         if let Some((x, y)) = smooth.peak() {

@@ -107,7 +107,7 @@ pub fn color(frame: &RgbdFrame) -> Result<RgbImage, EvaluateError> {
 }
 
 /// A frame's depth, metres; 0 where nothing was measured.
-fn depth_metres(frame: &RgbdFrame, dataset: &dyn Dataset) -> Result<Vec<f32>, EvaluateError> {
+pub fn depth_metres(frame: &RgbdFrame, dataset: &dyn Dataset) -> Result<Vec<f32>, EvaluateError> {
     let unit = dataset.depth_unit_metres();
     let depth = super::decoded(&frame.depth.bytes, frame.sequence)?.to_luma16();
     // The greatest value is "nothing" or "beyond the range".

@@ -194,6 +194,22 @@ impl HttpClient {
         self.linked(&link.url, "application/octet-stream").await
     }
 
+    /// An answer's points, `[count, 4]`: x, y, z in metres of the map's world, score.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn points(&self, link: &PointsLink) -> Result<Array, HttpError> {
+        let file = self.linked(&link.url, "application/x-npy").await?;
+        let array = npy::read(&file).map_err(|error| self.broken(error.to_string()))?;
+        if array.shape != [link.count, 4] {
+            let (count, shape) = (link.count, array.shape);
+            return Err(
+                self.broken(format!("points: expected shape [{count}, 4], found {shape:?}"))
+            );
+        }
+        Ok(array)
+    }
+
     /// What the map looks like from a tracked frame, as PNG.
     ///
     /// # Errors

@@ -25,6 +25,9 @@ pub struct Question {
     /// Side of the mean filter over the heat map, pixels; 0 is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<u32>,
+    /// The most objects in the answer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_objects: Option<usize>,
     /// 3D: objects nearest to this point first, metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<[f32; 3]>,

@@ -48,6 +48,12 @@ pub enum ClientError {
         /// The frame.
         sequence: u64,
     },
+    /// Language was to be given but there is none.
+    #[error("{dataset} has no masks: leave out --encoder oracle")]
+    NoMasks {
+        /// The data set.
+        dataset: String,
+    },
     /// Reading or rendering panicked.
     #[error("reading frames panicked")]
     Panicked,

@@ -10,12 +10,13 @@ mod producer;
 
 pub use error::ClientError;
 
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Instance};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
 use producer::Producer;
 pub(crate) use producer::wire;
 use serde::Serialize;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
@@ -40,6 +41,16 @@ pub enum Poses {
     Estimate,
 }
 
+/// Where the map's language comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Encoder {
+    /// The server's networks look at each keyframe
+    #[default]
+    Bundle,
+    /// The data set's masks: each pixel's language is the name of its class
+    Oracle,
+}
+
 /// Where to stream to, and how.
 #[derive(Clone, Debug)]
 pub struct StreamOptions {
@@ -49,6 +60,10 @@ pub struct StreamOptions {
     pub map: String,
     /// Where poses come from.
     pub poses: Poses,
+    /// Where language comes from.
+    pub encoder: Encoder,
+    /// Every so many frames one is held out: tracked, and never a keyframe. `None`: none is.
+    pub hold_out_every: Option<NonZeroUsize>,
     /// Whether frames are sent at the pace of their timestamps, not as fast as the server takes them.
     pub realtime: bool,
 }
@@ -119,6 +134,9 @@ pub async fn stream(
     options: &StreamOptions,
     mut on_progress: impl FnMut(&Progress),
 ) -> Result<Summary, ClientError> {
+    if options.encoder == Encoder::Oracle && dataset.truth().is_none() {
+        return Err(ClientError::NoMasks { dataset: dataset.name().to_owned() });
+    }
     let (frames, outbound) = mpsc::channel(READ_AHEAD);
     let mut client = connect(&options.grpc).await?;
     let open = FrameMessage { message: Some(Message::Open(opening(&*dataset, options))) };
@@ -141,6 +159,8 @@ pub async fn stream(
         indices,
         needs_poses: options.poses == Poses::Given,
         realtime: options.realtime,
+        labels: options.encoder == Encoder::Oracle,
+        hold_out_every: options.hold_out_every,
         frames,
     };
     let producing = tokio::task::spawn_blocking(move || producer.run());
@@ -184,7 +204,21 @@ pub(crate) fn opening(dataset: &dyn Dataset, options: &StreamOptions) -> v1::Ope
         }),
         depth_unit_metres: dataset.depth_unit_metres(),
         pose_source: pose_source.into(),
+        label_texts: match (options.encoder, dataset.truth()) {
+            (Encoder::Oracle, Some(truth)) => label_texts(truth.instances()),
+            _ => Vec::new(),
+        },
     }
+}
+
+/// Labels are the masks' own instances, and stand for their classes.
+fn label_texts(instances: &[Instance]) -> Vec<String> {
+    let most = instances.iter().map(|thing| usize::from(thing.id)).max().unwrap_or_default();
+    let mut texts = vec![String::new(); most];
+    for thing in instances.iter().filter(|thing| thing.id > 0) {
+        texts[usize::from(thing.id) - 1].clone_from(&thing.class);
+    }
+    texts
 }
 
 /// Counts acknowledgements until the server is done.

@@ -167,7 +167,14 @@ async fn serve(service: StandIn) -> StreamOptions {
     let grpc = listener.local_addr().unwrap().to_string();
     let server = tonic::transport::Server::builder().add_service(MappingServer::new(service));
     tokio::spawn(server.serve_with_incoming(TcpIncoming::from(listener)));
-    StreamOptions { grpc, map: "m".into(), poses: Poses::Given, realtime: false }
+    StreamOptions {
+        grpc,
+        map: "m".into(),
+        poses: Poses::Given,
+        encoder: Encoder::Bundle,
+        hold_out_every: None,
+        realtime: false,
+    }
 }
 
 async fn send(

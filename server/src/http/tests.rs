@@ -108,6 +108,8 @@ fn wall() -> Frame {
         depth_metres: vec![2.0; pixels].into(),
         world_from_camera: Some(Isometry3::identity()),
         hint: None,
+        labels: None,
+        held_out: false,
     }
 }
 

@@ -151,7 +151,7 @@ impl Reader {
 
     async fn take(&mut self, service: &MappingService, wire: v1::Frame) -> Result<Pending, Status> {
         let started = Instant::now();
-        let (opening, newest, limits) = (self.opening, self.newest, service.limits);
+        let (opening, newest, limits) = (self.opening.clone(), self.newest, service.limits);
         let sequence = wire.sequence;
         let (wire, checked) = tokio::task::spawn_blocking(move || {
             let checked = convert::frame(&wire, &opening, newest, &limits);

@@ -79,6 +79,7 @@ fn open_message(map: &str) -> OpenMap {
         }),
         depth_unit_metres: 0.001,
         pose_source: v1::PoseSource::Given.into(),
+        label_texts: Vec::new(),
     }
 }
 
@@ -96,6 +97,7 @@ fn frame(sequence: u64) -> v1::Frame {
             translation_metres: Some(v1::Vector3::default()),
         }),
         pose_covariance: Vec::new(),
+        ..Default::default()
     }
 }
 

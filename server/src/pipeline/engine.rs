@@ -78,8 +78,9 @@ impl Engine {
         let bundle = Bundle::load(&config.language)?;
         let bundle_name = bundle.name().to_owned();
         let (vision, text) = bundle.split();
-        let language = Arc::new(LanguageThread::start(vision, &config.language)?);
         let query = QueryThread::start(gpu.clone(), text, &config.query)?;
+        let embed = query.embedder();
+        let language = Arc::new(LanguageThread::start(vision, embed, &config.language)?);
         Ok(Self {
             config,
             gpu,

@@ -55,6 +55,19 @@ pub struct Frame {
     pub world_from_camera: Option<Isometry3<f64>>,
     /// What the robot thinks, where the server is to track.
     pub hint: Option<Box<PoseHint>>,
+    /// What the robot says that it shows; `None`: the networks are to look.
+    pub labels: Option<Labels>,
+    /// Whether it is only tracked and never a keyframe.
+    pub held_out: bool,
+}
+
+/// Language that is given: a text for each pixel.
+#[derive(Clone, Debug)]
+pub struct Labels {
+    /// `[height * width]`; 0 is none, n is `texts[n - 1]`; none is greater than there are texts.
+    pub ids: Arc<[u16]>,
+    /// What labels stand for; an empty text says nothing.
+    pub texts: Arc<[String]>,
 }
 
 /// Where a robot thinks that it is.

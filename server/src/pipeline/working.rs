@@ -134,6 +134,8 @@ mod tests {
             depth_metres: depth_metres.into(),
             world_from_camera: Some(Isometry3::identity()),
             hint: None,
+            labels: None,
+            held_out: false,
         }
     }
 

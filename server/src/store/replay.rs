@@ -63,7 +63,7 @@ impl Replaying<'_> {
 
     async fn frame(&mut self, wire: v1::Frame) -> Result<(), String> {
         let (guard, opening) = self.sender.as_ref().ok_or("its first record opens no map")?;
-        let (opening, limits) = (*opening, *self.limits);
+        let (opening, limits) = (opening.clone(), *self.limits);
         let newest = guard.map().received_through();
         let checked =
             tokio::task::spawn_blocking(move || convert::frame(&wire, &opening, newest, &limits))

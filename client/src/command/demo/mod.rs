@@ -14,7 +14,7 @@ use image::RgbImage;
 use indicatif::ProgressBar;
 use lexsplat_client::dataset::{Dataset, DatasetSpec, FrameRange};
 use lexsplat_client::http::{HttpClient, Status};
-use lexsplat_client::stream::{Poses, StreamOptions, stream};
+use lexsplat_client::stream::{Encoder, Poses, StreamOptions, stream};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -103,6 +103,8 @@ async fn show_all(
         grpc: ready.grpc.clone(),
         map: map.clone(),
         poses: arguments.poses,
+        encoder: Encoder::Bundle,
+        hold_out_every: None,
         realtime: false,
     };
     let made = map_it(&options, dataset.clone()).await?;

@@ -2,6 +2,7 @@
 
 mod canvas;
 
+use super::presence::{Bin, Presence};
 use super::stages::{Stage, WITH_WAITING};
 use super::trajectory::{StampedPose, align};
 use super::views::ViewScore;
@@ -161,6 +162,41 @@ pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage>
     }))
 }
 
+/// Share of what is there over confidence: bins as dots (larger: more answers), the fit's in blue; none
+/// without answers. On the grey line confidences are what they say.
+pub fn reliability(presence: &Presence) -> Option<RgbImage> {
+    let bins = &presence.reliability.bins;
+    if bins.is_empty() {
+        return None;
+    }
+    let title = format!(
+        "confidence and truth: error {:.3} (red){}",
+        presence.reliability.ece,
+        presence.fitted.as_ref().map_or(String::new(), |fitted| format!(
+            ", fitted {:.3} (blue)",
+            fitted.reliability.ece
+        ))
+    );
+    Some(drawn(&title, -0.05..1.05, -0.05..1.05, |chart| {
+        let mut mesh = chart.configure_mesh();
+        mesh.label_style(FONT)
+            .light_line_style(WHITE)
+            .x_desc("confidence")
+            .y_desc("share there")
+            .draw()?;
+        chart.draw_series(LineSeries::new([(0.0, 0.0), (1.0, 1.0)], TRUTH.stroke_width(2)))?;
+        let fitted = presence.fitted.as_ref().map(|fitted| (&fitted.reliability.bins, KEYFRAME));
+        for (bins, color) in fitted.into_iter().chain([(bins, FOUND)]) {
+            let at = |bin: &Bin| (bin.confidence, bin.there);
+            chart.draw_series(LineSeries::new(bins.iter().map(at), color.stroke_width(2)))?;
+            chart.draw_series(bins.iter().map(|bin| {
+                Circle::new(at(bin), 3 + (bin.count as f64).sqrt() as i32, color.filled())
+            }))?;
+        }
+        Ok(())
+    }))
+}
+
 /// A chart with a title on a white ground.
 fn drawn(
     title: &str,
@@ -187,6 +223,7 @@ fn drawn(
 
 #[cfg(test)]
 mod tests {
+    use super::super::presence::Judgement;
     use super::*;
     use nalgebra::Isometry3;
 
@@ -245,6 +282,24 @@ mod tests {
         let bars = |of: &BTreeMap<String, Stage>| count(&stages(of, 10).unwrap(), KEYFRAME);
         assert!(bars(&both) > 1000 && 10 * bars(&one) > 12 * bars(&both), "waiting is no bar");
         assert!(stages(&BTreeMap::new(), 10).is_none());
+    }
+
+    #[test]
+    fn confidences_are_drawn_with_their_fit() {
+        let judgement = |i: usize, there: bool| Judgement {
+            text: "sofa".into(),
+            frame: None,
+            there,
+            present: there,
+            confidence: i as f32 / 20.0,
+        };
+        let both: Vec<_> = (0..20).map(|i| judgement(i, i % 7 + i > 14)).collect();
+        let all_there = both.iter().map(|one| Judgement { there: true, ..one.clone() }).collect();
+        let drawn = |judgements| reliability(&Presence::of(judgements, &[]));
+        let picture = drawn(both).unwrap();
+        assert!(count(&picture, FOUND) > 200 && count(&picture, KEYFRAME) > 200);
+        assert_eq!(count(&drawn(all_there).unwrap(), KEYFRAME), 0, "nothing to fit");
+        assert!(drawn(Vec::new()).is_none());
     }
 
     #[test]

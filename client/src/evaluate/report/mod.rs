@@ -2,16 +2,21 @@
 //! In: what was measured. Out: a [`Report`] that serialises; what has no ground truth is null.
 
 mod page;
+mod rows;
 
 use super::language::Language;
+use super::presence::Presence;
+use super::space::Space;
 use super::stages::Stage;
 use super::trajectory::Ate;
 use super::views::{ViewMeans, ViewScore};
+use super::{Options, Words};
 use crate::dataset::Dataset;
 use crate::http::{Health, Status};
-use crate::stream::{Poses, Summary};
+use crate::stream::{Encoder, Poses, Summary};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 
 /// What the paper says of its own runs: means over the Replica scenes of vMAP, tracked poses.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -20,6 +25,10 @@ pub struct Paper {
     pub miou: f64,
     /// Table 1.
     pub loc_accuracy: f64,
+    /// Supplement, 3D localisation, failures left out, metres.
+    pub chamfer_m: f64,
+    /// The same; of pairs that are not one to one.
+    pub emd_m: f64,
     /// Rendering.
     pub psnr_db: f64,
     /// Rendering.
@@ -34,6 +43,8 @@ pub struct Paper {
 pub const PAPER: Paper = Paper {
     miou: 0.487,
     loc_accuracy: 0.826,
+    chamfer_m: 0.736,
+    emd_m: 5.695,
     psnr_db: 35.81,
     ssim: 0.950,
     ate_rmse_cm: 0.397,
@@ -49,6 +60,10 @@ pub struct Report {
     pub frame_size: [u32; 2],
     /// "given" or "estimate".
     pub poses: &'static str,
+    /// "bundle" (the server's networks) or "oracle" (the true classes' names).
+    pub encoder: &'static str,
+    /// Every so many frames one was only tracked, if so.
+    pub hold_out_every: Option<usize>,
     /// What the server renders on.
     pub adapter: String,
     /// Its networks.
@@ -91,9 +106,9 @@ pub struct Report {
     pub miou: Option<f64>,
     /// Peaks in a box of the label.
     pub loc_accuracy: Option<f64>,
-    /// Not measured yet.
+    /// Of the 3D answers, mean over labels, metres.
     pub chamfer_m: Option<f64>,
-    /// Not measured yet.
+    /// Of the 3D answers, mean over labels, metres.
     pub emd_m: Option<f64>,
     /// Share of absent nouns of which the server says so.
     pub absent_accuracy: Option<f64>,
@@ -103,8 +118,12 @@ pub struct Report {
     pub held_out: ViewMeans,
     /// Frames that the map was optimised for.
     pub keyframe_views: ViewMeans,
-    /// Words.
+    /// Words in views.
     pub language: Option<Language>,
+    /// Words in space.
+    pub space: Option<Space>,
+    /// Words that are there, and that are not.
+    pub presence: Option<Presence>,
     /// By name, from the stream's opening until the map was settled.
     pub stages: BTreeMap<String, Stage>,
     /// The server's settings as TOML, if they are known.
@@ -118,7 +137,7 @@ pub struct Report {
 /// What a report is made of.
 pub(super) struct Measured<'a> {
     pub dataset: &'a dyn Dataset,
-    pub poses: Poses,
+    pub options: Options,
     pub health: Health,
     pub summary: Summary,
     pub status: Status,
@@ -126,7 +145,7 @@ pub(super) struct Measured<'a> {
     pub peak_rss_bytes: Option<u64>,
     pub ate: Option<Ate>,
     pub views: Vec<ViewScore>,
-    pub language: Option<Language>,
+    pub words: Option<Words>,
     pub stages: BTreeMap<String, Stage>,
 }
 
@@ -147,12 +166,23 @@ impl Report {
         let camera = dataset.intrinsics();
         let held_out = ViewMeans::of(views.iter().filter(|view| !view.keyframe));
         let keyframe_views = ViewMeans::of(views.iter().filter(|view| view.keyframe));
-        let scene = measured.language.as_ref().map(|language| language.scene);
+        let (language, space, presence) = match measured.words {
+            Some(Words { language, space, presence }) => {
+                (Some(language), Some(space), Some(presence))
+            }
+            None => (None, None, None),
+        };
+        let scene = language.as_ref().map(|language| language.scene);
         let per_frame = |seconds: f64| seconds / summary.sent.max(1) as f64;
         Self {
             dataset: dataset.name().to_owned(),
             frame_size: [camera.width, camera.height],
-            poses: match measured.poses {
+            encoder: match measured.options.encoder {
+                Encoder::Bundle => "bundle",
+                Encoder::Oracle => "oracle",
+            },
+            hold_out_every: measured.options.hold_out_every.map(NonZeroUsize::get),
+            poses: match measured.options.poses {
                 Poses::Given => "given",
                 Poses::Estimate => "estimate",
             },
@@ -177,13 +207,15 @@ impl Report {
             depth_l1_m: held_out.depth_l1_m,
             miou: scene.map(|scene| scene.miou_paper),
             loc_accuracy: scene.map(|scene| scene.loc_box),
-            chamfer_m: None,
-            emd_m: None,
-            absent_accuracy: measured.language.as_ref().and_then(|it| it.absent_accuracy),
+            chamfer_m: space.as_ref().and_then(|space| space.means.chamfer_m),
+            emd_m: space.as_ref().and_then(|space| space.means.emd_m),
+            absent_accuracy: presence.as_ref().and_then(|presence| presence.absent_accuracy),
             ate: measured.ate,
             held_out,
             keyframe_views,
-            language: measured.language,
+            language,
+            space,
+            presence,
             stages: measured.stages,
             config: None,
             paper: PAPER,
@@ -193,54 +225,7 @@ impl Report {
 
     /// The numbers to look at first.
     pub fn rows(&self) -> Vec<Row> {
-        let row = |what, value, paper| Row { what, value, paper };
-        let none = String::new;
-        let [least, most] = PAPER.seconds_per_frame;
-        let mut rows = vec![
-            row("frames acknowledged per second", format!("{:.2}", self.fps), none()),
-            row("seconds per frame acknowledged", format!("{:.3}", self.seconds_per_frame), none()),
-            row(
-                "seconds per frame, all work done",
-                format!("{:.3}", self.seconds_per_frame_settled),
-                format!("{least} to {most} (one GPU, tracking too)"),
-            ),
-            row("settling after the last frame, s", format!("{:.1}", self.settle_seconds), none()),
-            row(
-                "frames tracked / lost / refused",
-                format!("{} / {} / {}", self.frames_tracked, self.frames_lost, self.frames_refused),
-                none(),
-            ),
-            row("keyframes", self.keyframes.to_string(), none()),
-            row("Gaussians", self.gaussians.to_string(), none()),
-            row("device memory of the map, MiB", mebibytes(Some(self.gpu_bytes)), none()),
-            row("peak memory of the server, MiB", mebibytes(self.peak_rss_bytes), none()),
-            row("ATE RMSE, cm", ate(self), format!("{} (tracked)", PAPER.ate_rmse_cm)),
-        ];
-        let views = [("held out", &self.held_out), ("keyframes", &self.keyframe_views)];
-        for (kind, means) in views {
-            let held_out = kind == "held out";
-            let paper = |value: f64| if held_out { value.to_string() } else { String::new() };
-            let name = |a, b| if held_out { a } else { b };
-            rows.extend([
-                row(
-                    name("PSNR held out, dB", "PSNR keyframes, dB"),
-                    decimals(means.psnr_db, 2),
-                    paper(PAPER.psnr_db),
-                ),
-                row(
-                    name("SSIM held out", "SSIM keyframes"),
-                    decimals(means.ssim, 4),
-                    paper(PAPER.ssim),
-                ),
-                row(
-                    name("depth L1 held out, m", "depth L1 keyframes, m"),
-                    decimals(means.depth_l1_m, 4),
-                    none(),
-                ),
-            ]);
-        }
-        rows.extend(self.language.iter().flat_map(language_rows));
-        rows
+        rows::of(self)
     }
 
     /// The report as Markdown; `pictures` are the names and captions of files beside it.
@@ -249,56 +234,35 @@ impl Report {
     }
 }
 
-fn language_rows(language: &Language) -> Vec<Row> {
-    let scene = &language.scene;
-    let row = |what, value: f64, paper: &str| Row {
-        what,
-        value: format!("{value:.3}"),
-        paper: paper.to_owned(),
-    };
-    let paper_miou = PAPER.miou.to_string();
-    let mut rows = vec![
-        row("mIoU at 0.5 (as in the paper)", scene.miou_paper, &paper_miou),
-        row("mIoU at the bundle's threshold", scene.miou_bundle, ""),
-        row("mIoU as the released script has it", scene.miou_released, ""),
-        row("mIoU closed set (argmax)", scene.miou_argmax, ""),
-        row("Loc, peak in a box", scene.loc_box, &PAPER.loc_accuracy.to_string()),
-        row("Loc, peak on the thing", scene.loc_mask, ""),
-        row("average precision, no threshold", scene.average_precision, ""),
-        row("  of a map that knows nothing", scene.share, ""),
-    ];
-    let present = language.present_accuracy.map(|value| row("present said rightly", value, ""));
-    let absent = language.absent_accuracy.map(|value| row("absent said rightly", value, ""));
-    rows.extend(present.into_iter().chain(absent));
-    rows
-}
-
-fn ate(report: &Report) -> String {
-    match (report.ate, report.poses) {
-        (None, _) => "no true poses".into(),
-        (Some(ate), "given") => format!("{:.3} (poses were given)", ate.rmse_cm),
-        (Some(ate), _) => format!("{:.3}", ate.rmse_cm),
-    }
-}
-
-fn mebibytes(bytes: Option<u64>) -> String {
-    bytes.map_or_else(|| "not reported".into(), |bytes| format!("{:.0}", bytes as f64 / 1048576.0))
-}
-
-fn decimals(value: Option<f64>, count: usize) -> String {
-    value.map_or_else(|| "–".into(), |value| format!("{value:.count$}"))
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::evaluate::language::{ClassScore, LabelMeans};
+    use crate::evaluate::language::{ClassScore, LabelMeans, Latency};
+    use crate::evaluate::presence::Judgement;
+    use crate::evaluate::space::{CountScore, SpaceMeans, SpaceScore};
+
+    fn some_space() -> Space {
+        let label = SpaceScore {
+            label: "wall".into(),
+            points: 900,
+            truth_voxels: 4000,
+            found_to_truth_m: Some(0.05),
+            truth_to_found_m: Some(0.07),
+            chamfer_m: Some(0.12),
+            emd_m: None,
+        };
+        let means = SpaceMeans { chamfer_m: Some(0.12), unanswered: 1, ..SpaceMeans::default() };
+        let counts = vec![CountScore { class: "chair".into(), there: 8, found: 7 }];
+        let counted_within_one = Some(1.0);
+        Space { threshold: 0.5, means, labels: vec![label], counts, counted_within_one }
+    }
 
     /// A report with something everywhere.
     pub fn some_report() -> Report {
         let scene = LabelMeans {
             share: 0.06,
             miou_paper: 0.21,
+            miou_unscaled: 0.19,
             miou_bundle: 0.44,
             miou_released: 0.33,
             miou_argmax: 0.5,
@@ -320,6 +284,8 @@ pub(super) mod tests {
             dataset: "room7".into(),
             frame_size: [320, 240],
             poses: "given",
+            encoder: "bundle",
+            hold_out_every: Some(8),
             adapter: "software".into(),
             bundle: "tiny".into(),
             version: "1".into(),
@@ -341,7 +307,7 @@ pub(super) mod tests {
             depth_l1_m: Some(0.012),
             miou: Some(0.21),
             loc_accuracy: Some(0.91),
-            chamfer_m: None,
+            chamfer_m: Some(0.12),
             emd_m: None,
             absent_accuracy: Some(0.8),
             ate: Some(Ate { rmse_cm: 0.0, mean_cm: 0.0, median_cm: 0.0, max_cm: 0.0, frames: 39 }),
@@ -352,11 +318,20 @@ pub(super) mod tests {
                 bundle_threshold: 0.87,
                 scene,
                 classes: vec![ClassScore { label: "sofa".into(), frames: 2, means: scene }],
-                present_accuracy: Some(1.0),
-                absent_accuracy: Some(0.8),
-                question_ms: 30.0,
+                latency: Latency { questions: 20, p50_ms: 25.0, p99_ms: 310.0, mean_ms: 30.0 },
                 scores: Vec::new(),
             }),
+            space: Some(some_space()),
+            presence: Some(Presence::of(
+                vec![Judgement {
+                    text: "sofa".into(),
+                    frame: None,
+                    there: true,
+                    present: true,
+                    confidence: 0.9,
+                }],
+                &["sofa".to_owned()],
+            )),
             stages: [("decode".to_owned(), stage)].into(),
             config: Some("[mapper]\nmax_gaussians = 200000\n".into()),
             paper: PAPER,
@@ -389,6 +364,8 @@ pub(super) mod tests {
         assert_eq!(json["psnr_db"], 22.0);
         assert!(json["emd_m"].is_null(), "what is not measured is null");
         assert_eq!(json["language"]["classes"][0]["miou_bundle"], 0.44);
+        assert_eq!(json["chamfer_m"], 0.12);
+        assert_eq!(json["space"]["counts"][0]["there"], 8);
         assert_eq!(json["stages"]["decode"]["mean_ms"], 10.0);
     }
 
@@ -405,6 +382,10 @@ pub(super) mod tests {
         assert_eq!(row("seconds per frame acknowledged").paper, "");
         assert!(row("seconds per frame, all work done").value == "0.275");
         assert_eq!(row("mIoU at 0.5 (as in the paper)").paper, "0.487");
+        let chamfer = row("3D Chamfer over labels, m");
+        assert_eq!((chamfer.value.as_str(), chamfer.paper.as_str()), ("0.120", ""));
+        assert!(row("  without failures").paper.starts_with("0.736"));
+        assert_eq!(row("present said rightly").value, "1.000");
         let without = Report { language: None, psnr_db: None, ..some_report() };
         assert!(!without.rows().iter().any(|row| row.what.contains("mIoU")));
     }

@@ -32,9 +32,9 @@ pub(super) fn decode(
     };
     let metres = match v1::DepthFormat::try_from(wire.depth_format) {
         Ok(v1::DepthFormat::Png16) => scaled(png16(&wire.depth, width, height)?, unit()?),
-        Ok(v1::DepthFormat::U16) => scaled(u16s(&wire.depth, pixels)?, unit()?),
+        Ok(v1::DepthFormat::U16) => scaled(u16s(FIELD, &wire.depth, pixels)?, unit()?),
         Ok(v1::DepthFormat::U16Zstd) => {
-            scaled(u16s(&unzstd(&wire.depth, pixels * 2)?, pixels)?, unit()?)
+            scaled(u16s(FIELD, &unzstd(FIELD, &wire.depth, pixels * 2)?, pixels)?, unit()?)
         }
         Ok(v1::DepthFormat::F32Metres) => f32s(&wire.depth, pixels)?,
         Ok(v1::DepthFormat::Unspecified) | Err(_) => {
@@ -66,26 +66,26 @@ fn png16(data: &[u8], width: u32, height: u32) -> Result<Vec<u16>, Refusal> {
     }
 }
 
-fn u16s(data: &[u8], pixels: usize) -> Result<Vec<u16>, Refusal> {
-    length(data, pixels, 2)?;
+pub(super) fn u16s(field: &str, data: &[u8], pixels: usize) -> Result<Vec<u16>, Refusal> {
+    length(field, data, pixels, 2)?;
     Ok(data.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect())
 }
 
 fn f32s(data: &[u8], pixels: usize) -> Result<Vec<f32>, Refusal> {
-    length(data, pixels, 4)?;
+    length(FIELD, data, pixels, 4)?;
     Ok(data
         .chunks_exact(4)
         .map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]]))
         .collect())
 }
 
-fn length(data: &[u8], pixels: usize, bytes_per_pixel: usize) -> Result<(), Refusal> {
+fn length(field: &str, data: &[u8], pixels: usize, bytes_per_pixel: usize) -> Result<(), Refusal> {
     let expected = pixels * bytes_per_pixel;
     if data.len() == expected {
         return Ok(());
     }
     Err(Refusal::new(
-        FIELD,
+        field,
         format!(
             "expected {expected} bytes for the intrinsics' {pixels} pixels, found {}",
             data.len()
@@ -94,15 +94,15 @@ fn length(data: &[u8], pixels: usize, bytes_per_pixel: usize) -> Result<(), Refu
 }
 
 /// Unpacks at most one byte more than expected, whatever the stream claims.
-fn unzstd(data: &[u8], expected: usize) -> Result<Vec<u8>, Refusal> {
-    let bad = |error| Refusal::new(FIELD, format!("{} bytes are no zstd: {error}", data.len()));
+pub(super) fn unzstd(field: &str, data: &[u8], expected: usize) -> Result<Vec<u8>, Refusal> {
+    let bad = |error| Refusal::new(field, format!("{} bytes are no zstd: {error}", data.len()));
     let mut decoder = zstd::Decoder::new(data).map_err(bad)?;
     decoder.window_log_max(ZSTD_WINDOW_LOG_MAX).map_err(bad)?;
     let mut unpacked = Vec::with_capacity(expected);
     decoder.take(expected as u64 + 1).read_to_end(&mut unpacked).map_err(bad)?;
     if unpacked.len() > expected {
         return Err(Refusal::new(
-            FIELD,
+            field,
             format!("unpacks to more than the expected {expected} bytes"),
         ));
     }

@@ -7,12 +7,14 @@
 pub(crate) mod camera;
 mod color;
 mod depth;
+mod labels;
 pub(crate) mod question;
 
 use crate::config::IngestConfig;
 use crate::pipeline::frame::{Frame, Intrinsics, PoseHint};
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix6};
+use std::sync::Arc;
 
 /// Numbers of a pose's covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
@@ -58,7 +60,7 @@ impl From<&IngestConfig> for Limits {
 }
 
 /// What a checked opening message says of the frames behind it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Opening {
     /// The camera of all frames.
     pub intrinsics: Intrinsics,
@@ -66,6 +68,8 @@ pub struct Opening {
     pub depth_unit_metres: Option<f64>,
     /// Whether the server is to track the camera.
     pub estimates_poses: bool,
+    /// What labels stand for; empty: frames carry none.
+    pub label_texts: Arc<[String]>,
 }
 
 /// Checks the opening message (not the map's name: the engine does).
@@ -97,7 +101,8 @@ pub fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, Refusal> 
         return Err(Refusal::new("depth_unit_metres", reason));
     }
     let depth_unit_metres = (unit > 0.0).then_some(unit);
-    Ok(Opening { intrinsics, depth_unit_metres, estimates_poses })
+    let label_texts = labels::texts(&open.label_texts)?;
+    Ok(Opening { intrinsics, depth_unit_metres, estimates_poses, label_texts })
 }
 
 /// Checks a frame and decodes its images.
@@ -124,6 +129,7 @@ pub fn frame(
     };
     let rgb = color::decode(wire.color_format, &wire.color, intrinsics.width, intrinsics.height)?;
     let depth_metres = depth::decode(wire, opening, limits)?;
+    let labels = labels::decode(wire, opening)?;
     Ok(Frame {
         sequence: wire.sequence,
         timestamp_nanos: wire.timestamp_nanos,
@@ -132,6 +138,8 @@ pub fn frame(
         depth_metres: depth_metres.into(),
         world_from_camera,
         hint,
+        labels,
+        held_out: wire.held_out,
     })
 }
 

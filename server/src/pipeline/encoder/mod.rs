@@ -1,21 +1,25 @@
 //! From a keyframe's colours to language: the image encoder (paper §4.1) and the thread on which
 //! it, the [`super::srd`] and the generic compressor run.
 //!
-//! In: [`Frame`]s. Out: [`LanguageMap`]s, one generic code for each cell of the bundle's grid. The
+//! In: [`Frame`]s. Out: [`LanguageMap`]s, one generic code for each cell of the bundle's grid. A frame
+//! that carries labels gets the codes of their texts, and no network looks at it. The
 //! thread owns the networks and never holds geometry up: its queue is bounded and a full one gives
 //! the frame back.
 
+mod labels;
 mod prepare;
 mod resample;
 mod thread;
 
+pub use labels::Embed;
 pub use thread::LanguageThread;
 
 use super::compressor::GENERIC;
 use super::compressor::generic::{CodeGrid, GenericEncoder};
-use super::frame::Frame;
+use super::frame::{Frame, Labels};
 use super::network::{ImageSpec, Network, NetworkError, Tensor, VisionNetworks};
 use super::srd::SuperResolution;
+use labels::{LabelCodes, majority};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -83,29 +87,66 @@ impl Encoder {
     }
 }
 
+/// Why a keyframe has no language.
+#[derive(Debug, thiserror::Error)]
+pub enum LanguageError {
+    /// A network failed.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// A label's text has no embedding.
+    #[error("a label's text cannot be embedded: {reason}")]
+    Text {
+        /// The text tower's words.
+        reason: String,
+    },
+}
+
 /// All three stages from colours to generic codes.
 pub struct Vision {
+    labels: LabelCodes,
     encoder: Encoder,
     srd: SuperResolution,
     compressor: GenericEncoder,
 }
 
 impl Vision {
-    /// With the bundle's networks.
-    pub fn new(networks: VisionNetworks) -> Self {
-        let VisionNetworks { image, encoder, srd, compressor, .. } = networks;
+    /// With the bundle's networks; `embed` makes features of labels' texts.
+    pub fn new(networks: VisionNetworks, embed: Embed) -> Self {
+        let VisionNetworks { image, encoder, srd, compressor, grid } = networks;
         Self {
+            labels: LabelCodes::new(embed, grid),
             encoder: Encoder { image, network: encoder },
             srd: SuperResolution::new(srd),
             compressor: GenericEncoder::new(compressor),
         }
     }
 
-    /// A frame's language.
+    /// A frame's language: given with it, or seen in it.
     ///
     /// # Errors
-    /// [`NetworkError`] if a network fails.
-    pub fn run(&mut self, frame: &Frame) -> Result<LanguageMap, NetworkError> {
+    /// [`LanguageError`] if a network fails.
+    pub fn run(&mut self, frame: &Frame) -> Result<LanguageMap, LanguageError> {
+        match &frame.labels {
+            Some(labels) => self.given(frame, labels),
+            None => Ok(self.seen(frame)?),
+        }
+    }
+
+    /// What the labels say, at the bundle's label resolution.
+    fn given(&mut self, frame: &Frame, labels: &Labels) -> Result<LanguageMap, LanguageError> {
+        let mut clock = Stopwatch(Instant::now());
+        let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
+        let [width, height] = kept(self.labels.grid(), prepare::covered(from, &self.encoder.image));
+        let ids = majority(&labels.ids, from, (width, height));
+        let mut timing = LanguageTiming { prepare: clock.lap(), ..Default::default() };
+        let code_of = self.labels.of(&mut self.compressor, labels)?;
+        let codes = ids.iter().flat_map(|id| code_of[usize::from(*id)]).collect();
+        timing.compressor = clock.lap();
+        Ok(LanguageMap { width: width as u32, height: height as u32, codes, timing })
+    }
+
+    /// What the networks see.
+    fn seen(&mut self, frame: &Frame) -> Result<LanguageMap, NetworkError> {
         let mut clock = Stopwatch(Instant::now());
         let prepared = prepare::prepare(frame, &self.encoder.image);
         let covered = prepared.covered;
@@ -124,14 +165,19 @@ impl Vision {
 /// The cells that see the image and not what it was padded with. `covered`: the share of the
 /// network's columns and rows that the image fills, from the top left.
 fn cropped(grid: CodeGrid, covered: [f32; 2]) -> CodeGrid {
-    let kept = |size: usize, share: f32| ((size as f32 * share).round() as usize).clamp(1, size);
-    let (width, height) = (kept(grid.width, covered[0]), kept(grid.height, covered[1]));
+    let [width, height] = kept([grid.height, grid.width], covered);
     if (width, height) == (grid.width, grid.height) {
         return grid;
     }
     let rows = grid.codes.chunks_exact(grid.width * GENERIC).take(height);
     let codes = rows.flat_map(|row| &row[..width * GENERIC]).copied().collect();
     CodeGrid { height, width, codes }
+}
+
+/// Columns and rows of a grid of `[rows, columns]` that see the image.
+fn kept([rows, columns]: [usize; 2], covered: [f32; 2]) -> [usize; 2] {
+    let kept = |size: usize, share: f32| ((size as f32 * share).round() as usize).clamp(1, size);
+    [kept(columns, covered[0]), kept(rows, covered[1])]
 }
 
 /// Milliseconds since the last lap.

@@ -34,8 +34,13 @@ pub(super) fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
             }
         }
     }
-    let covered = [width as f32 / spec.width as f32, height as f32 / spec.height as f32];
-    Prepared { planes, covered }
+    Prepared { planes, covered: covered(from, spec) }
+}
+
+/// The share of the network's columns and rows that an image of this (width, height) fills.
+pub(super) fn covered(from: (usize, usize), spec: &ImageSpec) -> [f32; 2] {
+    let (width, height) = fitted(from, spec);
+    [width as f32 / spec.width as f32, height as f32 / spec.height as f32]
 }
 
 /// The size that the image gets within the network's.

@@ -16,6 +16,8 @@ fn frame(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 3]) -> Frame 
         rgb: rgb.into(),
         world_from_camera: None,
         hint: None,
+        labels: None,
+        held_out: false,
     }
 }
 
@@ -76,13 +78,67 @@ fn padding_keeps_the_aspect_and_fills_with_the_mean() {
     assert_eq!(kept.codes, (0..4 * GENERIC).map(|i| i as f32).collect::<Vec<_>>());
 }
 
-fn vision() -> crate::pipeline::network::VisionNetworks {
+fn vision_only() -> crate::pipeline::network::VisionNetworks {
     Bundle::load(&LanguageConfig::default()).expect("models/tiny is part of the project").split().0
+}
+
+/// For frames without labels.
+fn no_words() -> Embed {
+    Box::new(|text| panic!("nothing is labelled {text:?}"))
+}
+
+fn labelled(ids: Vec<u16>, texts: &[&str]) -> Frame {
+    let texts = texts.iter().map(|text| (*text).to_owned()).collect();
+    Frame { labels: Some(Labels { ids: ids.into(), texts }), ..frame(96, 72, |_, _| [50; 3]) }
+}
+
+#[test]
+fn labels_become_the_codes_of_their_texts_and_no_network_looks() {
+    let (networks, text) = Bundle::load(&LanguageConfig::default())
+        .expect("models/tiny is part of the project")
+        .split();
+    let mut tower = text.tower;
+    let asked = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    let noted = asked.clone();
+    let embed = move |text: &str| {
+        noted.lock().expect("nobody panics").push(text.to_owned());
+        tower.embed(text).map(Into::into).map_err(|error| error.to_string())
+    };
+    let mut vision = Vision::new(networks, Box::new(embed));
+    // As many pixels as cells: left a sofa, right a lamp twice, a stripe of nothing, one label
+    // without words, one that no pixel has.
+    let ids = |at: u16| match (at % 96, at / 96) {
+        (_, 0) => 0,
+        (_, 1) => 4,
+        (column, _) if column < 48 => 1,
+        (column, _) => 2 + column % 2,
+    };
+    let image = labelled((0..96 * 72).map(ids).collect(), &["sofa", "lamp", "lamp", "", "bed"]);
+    let found = vision.run(&image).expect("it runs");
+    assert_eq!((found.width, found.height), (96, 72));
+    let code = |column: usize, row: usize| &found.codes[(row * 96 + column) * GENERIC..][..GENERIC];
+    assert!(code(3, 0).iter().chain(code(3, 1)).all(|value| *value == 0.0), "no language");
+    let (sofa, lamp) = (code(3, 40), code(70, 40));
+    assert_eq!((lamp, sofa), (code(71, 40), code(47, 71)), "one text, one code");
+    let cosine: f32 = sofa.iter().zip(lamp).map(|(a, b)| a * b).sum();
+    assert!(cosine < 0.9, "different texts, different codes: {cosine}");
+    assert_eq!(*asked.lock().expect("nobody panics"), ["lamp", "sofa"], "each once, none in vain");
+
+    // A text alone among zeros has the same code: cells do not see each other.
+    let again = vision.run(&labelled(vec![1; 96 * 72], &["sofa"])).expect("it runs");
+    assert_eq!(&again.codes[..GENERIC], sofa, "kept");
+    let image = labelled(vec![1; 96 * 72], &["a sofa"]);
+    let other = vision.run(&image).expect("it runs");
+    assert_ne!(&other.codes[..GENERIC], sofa, "other words, another code");
+
+    let mut deaf = Vision::new(vision_only(), Box::new(|_| Err("out of words".into())));
+    let error = deaf.run(&image).expect_err("there is no embedding");
+    assert!(error.to_string().contains("out of words"), "{error}");
 }
 
 #[test]
 fn a_frame_becomes_unit_codes_that_follow_the_image() {
-    let mut vision = Vision::new(vision());
+    let mut vision = Vision::new(vision_only(), no_words());
     let stripes =
         frame(160, 120, |x, y| [x as u8, 255 - y as u8, if x / 20 % 2 == 0 { 9 } else { 240 }]);
     let flat = frame(160, 120, |_, _| [128; 3]);
@@ -101,7 +157,7 @@ fn a_frame_becomes_unit_codes_that_follow_the_image() {
 #[test]
 fn a_full_queue_gives_the_frame_back() {
     let config = LanguageConfig { queue: 1, ..LanguageConfig::default() };
-    let thread = LanguageThread::start(vision(), &config).expect("a thread");
+    let thread = LanguageThread::start(vision_only(), no_words(), &config).expect("a thread");
     let image = |sequence| Frame { sequence, ..frame(8, 8, |_, _| [7; 3]) };
     let (started, has_started) = mpsc::sync_channel(1);
     let (go_on, may_go_on) = mpsc::sync_channel::<()>(1);

@@ -1,6 +1,6 @@
 //! The thread that owns the vision networks, shared by all maps.
 
-use super::{LanguageConfig, LanguageMap, Vision};
+use super::{Embed, LanguageConfig, LanguageMap, Vision};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::network::VisionNetworks;
 use crate::telemetry::LANGUAGE_SECONDS;
@@ -24,13 +24,17 @@ pub struct LanguageThread {
 }
 
 impl LanguageThread {
-    /// Starts the thread; it takes the networks with it.
+    /// Starts the thread; it takes the networks with it. `embed` makes features of labels' texts.
     ///
     /// # Errors
     /// The system's, if there is no thread to be had.
-    pub fn start(networks: VisionNetworks, config: &LanguageConfig) -> std::io::Result<Self> {
+    pub fn start(
+        networks: VisionNetworks,
+        embed: Embed,
+        config: &LanguageConfig,
+    ) -> std::io::Result<Self> {
         let (queue, jobs) = sync_channel(config.queue.max(1));
-        let vision = Vision::new(networks);
+        let vision = Vision::new(networks, embed);
         let thread = std::thread::Builder::new()
             .name("language".into())
             .spawn(move || work(vision, &jobs))?;

@@ -107,8 +107,12 @@ impl Keyframe {
 
 impl Mapper {
     /// Whether the frame shows enough that no keyframe shows, in colour **and** in language (paper §5;
-    /// the released code looks at colour alone), or was taken from far enough away.
+    /// the released code looks at colour alone), or was taken from far enough away; never of a frame
+    /// that is held out.
     pub(super) fn is_keyframe(&self, frame: &Frame, pose: &Isometry3<f64>) -> bool {
+        if frame.held_out {
+            return false;
+        }
         let Some(last) = self.keyframes.last() else { return true };
         let last_from_camera = last.frame.world_from_camera.inverse() * pose;
         let moved = last_from_camera.translation.vector.norm();

@@ -111,6 +111,8 @@ pub struct RelevancySpec {
     pub negatives: Vec<String>,
     /// Score above which what was asked for is there; absent: `threshold`.
     pub present_threshold: Option<f32>,
+    /// How fast confidence grows with the score around that; absent: a default that is no fit.
+    pub confidence_steepness: Option<f32>,
 }
 
 /// One ONNX file and the tensors that are used of it, in order.
@@ -336,7 +338,14 @@ impl Written {
         let threshold = relevancy.threshold;
         require(fraction(threshold), "relevancy.threshold", "0 to 1", threshold)?;
         let present = relevancy.present_threshold.unwrap_or(threshold);
-        require(fraction(present), "relevancy.present_threshold", "0 to 1", present)
+        require(fraction(present), "relevancy.present_threshold", "0 to 1", present)?;
+        let steepness = relevancy.confidence_steepness.unwrap_or(1.0);
+        require(
+            steepness.is_finite() && steepness > 0.0,
+            "relevancy.confidence_steepness",
+            "more than 0",
+            steepness,
+        )
     }
 }
 

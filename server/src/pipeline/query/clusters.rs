@@ -1,11 +1,14 @@
-//! Relevant Gaussians to objects: dense places that hang together.
+//! Relevant Gaussians to objects: those that hang together.
 //!
-//! DBSCAN (Ester et al. 1996) on a grid of voxels: a voxel is dense if it and its 26 neighbours
-//! hold enough points; dense voxels that touch are one cluster; others join a dense neighbour, or
-//! are floaters and belong to nothing.
+//! DBSCAN (Ester et al. 1996) with a distance that follows the Gaussians' own size: two are neighbours
+//! if less than `metres` lies between the balls of their reach. What was seen from afar has few and
+//! large Gaussians, what was seen from near many small ones: both are one thing. A Gaussian with
+//! [`NEIGHBOURS`] is at the core of something; cores that are neighbours are one cluster; others join
+//! their nearest core, or are floaters and belong to nothing. A cluster of too few is noise.
 
 use super::answer::{Object, ScoredPoint};
 use super::boxes;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// A relevant Gaussian.
@@ -15,16 +18,23 @@ pub(super) struct Weighted {
     pub point: ScoredPoint,
     /// Opacity of its language, 0..1.
     pub opacity: f32,
+    /// How far its ball reaches, metres, at least 0.
+    pub reach: f32,
 }
 
 /// How near is together, and how many are an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Density {
-    /// Side of a voxel, metres.
+    /// Between the balls of neighbours, metres.
     pub metres: f32,
-    /// Points in a voxel and its neighbours.
+    /// Members of the smallest cluster.
     pub points: usize,
 }
+
+/// Neighbours of a core, itself among them.
+const NEIGHBOURS: usize = 3;
+/// Reaches up to this are of level 0, metres; each level holds twice as far ones.
+const LEAST_REACH: f32 = 0.02;
 
 /// Clusters as objects, best first.
 pub(super) fn objects(relevant: &[Weighted], density: Density) -> Vec<Object> {
@@ -60,76 +70,122 @@ fn score(members: &[Weighted]) -> f32 {
     best.iter().map(|member| member.point.score * member.opacity).sum::<f32>() / weight.max(1e-6)
 }
 
-struct Voxel {
-    at: [i32; 3],
-    members: Vec<usize>,
-}
-
-/// Indices of the members of every cluster.
+/// Indices of the members of every cluster, in the order of their first members.
 fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
-    let (voxels, by_place) = voxels(relevant, density.metres);
-    let neighbours = |at: [i32; 3]| around(at).filter_map(|place| by_place.get(&place).copied());
-    let crowd =
-        |voxel: &Voxel| neighbours(voxel.at).map(|n| voxels[n].members.len()).sum::<usize>();
-    let dense: Vec<bool> = voxels.iter().map(|voxel| crowd(voxel) >= density.points).collect();
-
-    let mut cluster_of: Vec<Option<usize>> = vec![None; voxels.len()];
-    let mut count = 0;
-    for start in 0..voxels.len() {
-        if !dense[start] || cluster_of[start].is_some() {
-            continue;
-        }
-        cluster_of[start] = Some(count);
-        let mut stack = vec![start];
-        while let Some(voxel) = stack.pop() {
-            for neighbour in neighbours(voxels[voxel].at) {
-                if dense[neighbour] && cluster_of[neighbour].is_none() {
-                    cluster_of[neighbour] = Some(count);
-                    stack.push(neighbour);
-                }
-            }
-        }
-        count += 1;
+    let near = Neighbours::new(relevant, density.metres);
+    let all: Vec<usize> = (0..relevant.len()).collect();
+    let is_core: Vec<bool> =
+        all.par_iter().map(|&at| near.of(at).take(NEIGHBOURS).count() == NEIGHBOURS).collect();
+    let mut groups = Groups::new(relevant.len());
+    for at in (0..relevant.len()).filter(|&at| is_core[at]) {
+        near.of(at).filter(|&other| other < at && is_core[other]).for_each(|other| {
+            groups.join(at, other);
+        });
     }
-
-    let mut found = vec![Vec::new(); count];
-    for (index, voxel) in voxels.iter().enumerate() {
-        // A voxel that is not dense joins its fullest dense neighbour.
-        let host = || {
-            neighbours(voxel.at)
-                .filter(|&neighbour| dense[neighbour])
-                .max_by_key(|&neighbour| (voxels[neighbour].members.len(), neighbour))
-        };
-        let cluster = cluster_of[index].or_else(|| host().and_then(|host| cluster_of[host]));
-        if let Some(cluster) = cluster {
-            found[cluster].extend(&voxel.members);
+    let host = |at: usize| {
+        if is_core[at] {
+            return Some(at);
         }
+        let apart = |other: &usize| near.gap(at, *other);
+        near.of(at).filter(|&other| is_core[other]).min_by(|a, b| apart(a).total_cmp(&apart(b)))
+    };
+    let hosts: Vec<Option<usize>> = all.par_iter().map(|&at| host(at)).collect();
+    let mut place_of: HashMap<usize, usize> = HashMap::new();
+    let mut found: Vec<Vec<usize>> = Vec::new();
+    for (at, host) in hosts.into_iter().enumerate() {
+        let Some(host) = host else { continue };
+        let place = *place_of.entry(groups.of(host)).or_insert_with(|| {
+            found.push(Vec::new());
+            found.len() - 1
+        });
+        found[place].push(at);
     }
+    found.retain(|members| members.len() >= density.points);
     found
 }
 
-/// Occupied voxels in the order of their first points, and where each is.
-fn voxels(relevant: &[Weighted], metres: f32) -> (Vec<Voxel>, HashMap<[i32; 3], usize>) {
-    let mut voxels: Vec<Voxel> = Vec::new();
-    let mut by_place = HashMap::new();
-    for (index, weighted) in relevant.iter().enumerate() {
-        let position = weighted.point.position;
-        let at = std::array::from_fn(|axis| (position[axis] / metres).floor() as i32);
-        let voxel = *by_place.entry(at).or_insert_with(|| {
-            voxels.push(Voxel { at, members: Vec::new() });
-            voxels.len() - 1
-        });
-        voxels[voxel].members.push(index);
-    }
-    (voxels, by_place)
+type Cell = [i32; 3];
+
+/// Who is near whom: a grid for each level of reach, with cells as large as its neighbours can be apart,
+/// so that the many small ones need not be looked for as far as the few large ones.
+struct Neighbours<'a> {
+    relevant: &'a [Weighted],
+    metres: f32,
+    /// By level: the furthest reach in it, side of a cell, who is in each cell.
+    levels: Vec<(f32, f32, HashMap<Cell, Vec<usize>>)>,
 }
 
-/// A voxel's place and the 26 around it.
-fn around(at: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
-    (0..27).map(move |i| {
-        let step = [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1];
-        std::array::from_fn(|axis| at[axis].saturating_add(step[axis]))
+impl<'a> Neighbours<'a> {
+    fn new(relevant: &'a [Weighted], metres: f32) -> Self {
+        let mut levels: Vec<(f32, f32, HashMap<Cell, Vec<usize>>)> = Vec::new();
+        for (at, weighted) in relevant.iter().enumerate() {
+            let level = (weighted.reach / LEAST_REACH).max(1.0).log2().ceil() as usize;
+            while levels.len() <= level {
+                let most = LEAST_REACH * (1 << levels.len()) as f32;
+                levels.push((most, metres + 2.0 * most, HashMap::new()));
+            }
+            let (_, side, cells) = &mut levels[level];
+            let cell = cell_of(weighted, *side);
+            cells.entry(cell).or_default().push(at);
+        }
+        levels.retain(|(_, _, cells)| !cells.is_empty());
+        Self { relevant, metres, levels }
+    }
+
+    /// What lies between the balls of two, metres; negative where they overlap.
+    fn gap(&self, a: usize, b: usize) -> f32 {
+        let (a, b) = (&self.relevant[a], &self.relevant[b]);
+        (a.point.position - b.point.position).norm() - a.reach - b.reach
+    }
+
+    /// The neighbours of one, itself among them.
+    fn of(&self, at: usize) -> impl Iterator<Item = usize> {
+        let one = &self.relevant[at];
+        self.levels
+            .iter()
+            .flat_map(move |(most, side, cells)| {
+                let far = self.metres + one.reach + most;
+                let (center, steps) = (cell_of(one, *side), (far / side).ceil() as i32);
+                around(center, steps).filter_map(|cell| cells.get(&cell)).flatten().copied()
+            })
+            .filter(move |&other| other == at || self.gap(at, other) < self.metres)
+    }
+}
+
+fn cell_of(weighted: &Weighted, side: f32) -> Cell {
+    std::array::from_fn(|axis| (weighted.point.position[axis] / side).floor() as i32)
+}
+
+/// A cell and those up to so many steps from it.
+fn around(center: Cell, steps: i32) -> impl Iterator<Item = Cell> {
+    let width = 2 * steps + 1;
+    (0..width * width * width).map(move |i| {
+        let step = [i % width, i / width % width, i / width / width];
+        std::array::from_fn(|axis| center[axis].saturating_add(step[axis] - steps))
     })
+}
+
+/// Disjoint sets.
+struct Groups(Vec<usize>);
+
+impl Groups {
+    fn new(count: usize) -> Self {
+        Self((0..count).collect())
+    }
+
+    /// The one that stands for its set.
+    fn of(&mut self, mut at: usize) -> usize {
+        while self.0[at] != at {
+            self.0[at] = self.0[self.0[at]];
+            at = self.0[at];
+        }
+        at
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.of(a), self.of(b));
+        self.0[a.max(b)] = a.min(b);
+    }
 }
 
 #[cfg(test)]
@@ -142,7 +198,7 @@ mod tests {
     const DENSITY: Density = Density { metres: 0.08, points: 8 };
 
     fn weighted(position: Point3<f32>, score: f32) -> Weighted {
-        Weighted { point: ScoredPoint { position, score }, opacity: 0.9 }
+        Weighted { point: ScoredPoint { position, score }, opacity: 0.9, reach: 0.01 }
     }
 
     fn blob(center: Point3<f32>, score: f32, random: &mut ChaCha8Rng) -> Vec<Weighted> {
@@ -167,10 +223,52 @@ mod tests {
         assert!((found[0].score - 0.9).abs() < 1e-5 && (found[1].score - 0.7).abs() < 1e-5);
         assert_eq!((found[0].points, found[1].points), (300, 300));
 
-        // Negative control: voxels as large as the gap make one of them.
+        // Negative control: neighbours as far as the gap make one of them.
         assert_eq!(objects(&points, Density { metres: 0.5, points: 8 }).len(), 1);
-        // And nothing is dense enough for a thousand.
+        // And nothing is large enough for a thousand.
         assert!(objects(&points, Density { metres: 0.08, points: 1000 }).is_empty());
+    }
+
+    #[test]
+    fn far_things_of_few_large_gaussians_are_objects() {
+        // A chair from afar: 18 cm apart, as large as that.
+        let far: Vec<_> = (0..12)
+            .map(|i| weighted(Point3::new(0.18 * (i % 4) as f32, 0.18 * (i / 4) as f32, 5.0), 0.9))
+            .collect();
+        assert!(objects(&far, DENSITY).is_empty(), "small and apart they are floaters");
+        let large: Vec<_> = far.iter().map(|one| Weighted { reach: 0.15, ..*one }).collect();
+        let found = objects(&large, DENSITY);
+        assert_eq!((found.len(), found[0].points), (1, 12));
+        // A near thing is not drawn into it by their size: half a metre between them.
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut both = large;
+        both.extend(blob(Point3::new(0.3, 1.2, 5.0), 0.8, &mut random));
+        assert_eq!(objects(&both, DENSITY).len(), 2);
+    }
+
+    #[test]
+    fn neighbours_are_those_of_a_search_of_all() {
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let points: Vec<_> = (0..400)
+            .map(|_| {
+                let mut at = || random.random_range(-1.0_f32..1.0);
+                let position = Point3::new(at(), at(), at());
+                let reach = random.random_range(0.0_f32..0.2);
+                Weighted { reach: reach * reach * 5.0, ..weighted(position, 0.5) }
+            })
+            .collect();
+        let near = Neighbours::new(&points, 0.08);
+        let mut pairs = 0;
+        for at in 0..points.len() {
+            let mut found: Vec<usize> = near.of(at).collect();
+            found.sort_unstable();
+            let expected: Vec<usize> = (0..points.len())
+                .filter(|&other| other == at || near.gap(at, other) < 0.08)
+                .collect();
+            assert_eq!(found, expected, "{at}");
+            pairs += found.len() - 1;
+        }
+        assert!(pairs > 400, "{pairs}");
     }
 
     #[test]

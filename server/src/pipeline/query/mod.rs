@@ -59,9 +59,9 @@ pub struct QueryConfig {
     pub cached_texts: usize,
     /// Memory for the decoded features of one map, MiB; a larger map is decoded at every question.
     pub feature_cache_mib: usize,
-    /// Objects: two Gaussians nearer than about this are one object, metres.
+    /// Objects: two Gaussians with less than this between them are one object, metres.
     pub cluster_metres: f32,
-    /// Objects: Gaussians that must lie close together to count.
+    /// Objects: Gaussians of the smallest one; as many must reach a score for it to speak for presence.
     pub cluster_points: usize,
 }
 
@@ -75,7 +75,7 @@ impl Default for QueryConfig {
             cached_texts: 1024,
             feature_cache_mib: 512,
             cluster_metres: 0.08,
-            cluster_points: 8,
+            cluster_points: 6,
         }
     }
 }

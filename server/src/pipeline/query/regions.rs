@@ -10,6 +10,11 @@ const LEAST_PIXELS: usize = 4;
 /// The most boxes in one answer.
 const MAX_BOXES: usize = 256;
 
+/// Pixels of the smallest region that is no noise.
+pub(super) fn least_pixels(relevancy: &Plane) -> usize {
+    ((relevancy.values.len() as f32 * LEAST_SHARE) as usize).max(LEAST_PIXELS)
+}
+
 /// Pixels above the threshold as COCO run lengths: column-major, zeros first.
 pub(super) fn mask(relevancy: &Plane, threshold: f32) -> Mask {
     let (width, height) = (relevancy.width, relevancy.height);
@@ -43,7 +48,7 @@ pub(super) fn peak(relevancy: &Plane) -> Option<Peak> {
 /// One box for each region of pixels above the threshold that touch by side or corner, best first.
 pub(super) fn boxes(relevancy: &Plane, threshold: f32) -> Vec<ScoredBox> {
     let pixels = relevancy.values.len();
-    let least = ((pixels as f32 * LEAST_SHARE) as usize).max(LEAST_PIXELS);
+    let least = least_pixels(relevancy);
     let mut waiting: Vec<bool> = relevancy.values.iter().map(|&v| v > threshold).collect();
     let mut regions = Vec::new();
     for start in 0..pixels {

@@ -16,6 +16,10 @@ use std::sync::Arc;
 
 /// Opacity of the language head below which a Gaussian is no place for an object.
 const LEAST_OPACITY: f32 = 0.3;
+/// Standard deviations of a Gaussian that count as itself when objects are made.
+const DEVIATIONS: f32 = 2.0;
+/// However large a Gaussian is, it joins others no further than this.
+const MOST_REACH_METRES: f32 = 0.2;
 
 /// Decoded features of one snapshot.
 pub(super) struct SpaceCache {
@@ -35,6 +39,8 @@ struct Decoded {
 pub(super) struct Scores {
     /// Gaussians with language and enough opacity, above the threshold.
     pub relevant: Vec<Weighted>,
+    /// Relevancies of all Gaussians with language and enough opacity.
+    pub all: Vec<f32>,
     /// The share of Gaussians with language.
     pub coverage: f32,
 }
@@ -106,16 +112,19 @@ impl SpaceCache {
     ) -> Result<Scores, NetworkError> {
         let compare = |features: &[f32]| comparison.relevancies(features);
         let (rows, relevancies) = self.compared(decoder, snapshot, compare)?;
-        let relevant = rows
+        let scales = &snapshot.gaussians.language.log_scales;
+        let mut relevant: Vec<Weighted> = rows
             .iter()
             .zip(relevancies)
-            .filter(|&(_, score)| score > threshold)
             .filter_map(|(&row, score)| {
                 let (position, opacity) = placed(&snapshot.gaussians, row)?;
-                Some(Weighted { point: ScoredPoint { position, score }, opacity })
+                let reach = reach(scales[row as usize]);
+                Some(Weighted { point: ScoredPoint { position, score }, opacity, reach })
             })
             .collect();
-        Ok(Scores { relevant, coverage: coverage(snapshot, rows) })
+        let all = relevant.iter().map(|weighted| weighted.point.score).collect();
+        relevant.retain(|weighted| weighted.point.score > threshold);
+        Ok(Scores { relevant, all, coverage: coverage(snapshot, rows) })
     }
 
     /// The best text of every Gaussian; [`Self::prepare`] comes first.
@@ -166,6 +175,11 @@ fn codes_of(snapshot: &MapSnapshot, rows: &[u32]) -> Vec<f32> {
     let size = snapshot.online.code_size();
     let codes = &snapshot.gaussians.language.features;
     rows.iter().flat_map(|&row| &codes[row as usize * size..][..size]).copied().collect()
+}
+
+/// Of the ball of two standard deviations (geometric mean over the axes), metres.
+fn reach([x, y, z]: [f32; 3]) -> f32 {
+    (DEVIATIONS * ((x + y + z) / 3.0).exp()).min(MOST_REACH_METRES)
 }
 
 fn sigmoid(logit: f32) -> f32 {

@@ -58,6 +58,11 @@ impl Words {
             .collect()
     }
 
+    /// A text's embedding `[D]`, unit length.
+    pub(super) fn embed(&mut self, text: &str) -> Result<Arc<[f32]>, QueryError> {
+        Ok(self.embedding(checked("text", text)?)?)
+    }
+
     fn embedding(&mut self, text: &str) -> Result<Arc<[f32]>, NetworkError> {
         if let Some(embedding) = self.cache.get(text) {
             return Ok(embedding);

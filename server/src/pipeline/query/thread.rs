@@ -3,9 +3,10 @@
 //! In: snapshots with questions. Out: answers. Questions are answered one after the other; a full
 //! queue makes the asker wait.
 
-use super::answer::{Answer, Heatmap, Object, Picture, ScoredPoint, Segmentation, Timing};
+use super::answer::{Answer, Heatmap, Picture, ScoredPoint, Segmentation, Timing};
 use super::clusters::{Density, objects};
 use super::picture::{self, PaletteCache};
+use super::presence::Presence;
 use super::relevancy::Comparison;
 use super::request::{Contest, Query, RenderRequest, View};
 use super::scene::Scene;
@@ -14,6 +15,7 @@ use super::text::Words;
 use super::view::{self, ViewCache, ViewFeatures};
 use super::{QueryConfig, QueryError, place, presence, regions, viewpoint};
 use crate::pipeline::compressor::generic::GenericDecoder;
+use crate::pipeline::encoder::Embed;
 use crate::pipeline::network::TextNetworks;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{Camera, Gpu};
@@ -43,6 +45,10 @@ enum Job {
         codes: Vec<f32>,
         query: Query,
         reply: oneshot::Sender<Result<Vec<f32>, QueryError>>,
+    },
+    Embed {
+        text: String,
+        reply: oneshot::Sender<Result<Arc<[f32]>, QueryError>>,
     },
 }
 
@@ -83,6 +89,20 @@ impl QueryThread {
     ) -> Result<Answer, QueryError> {
         let asked = Asked { snapshot, query, since: Instant::now() };
         self.send(|reply| Job::Ask { asked, reply }).await
+    }
+
+    /// Words to features for other threads of the pipeline; it waits, so never for the query thread's
+    /// own. It does not keep this thread alive.
+    pub fn embedder(&self) -> Embed {
+        let queue = self.queue.as_ref().expect("only dropping takes the queue").downgrade();
+        Box::new(move |text| {
+            let stopped = || QueryError::Stopped.to_string();
+            let (reply, embedding) = oneshot::channel();
+            let job = Job::Embed { text: text.to_owned(), reply };
+            queue.upgrade().ok_or_else(stopped)?.blocking_send(job).map_err(|_| stopped())?;
+            let embedding = embedding.blocking_recv().map_err(|_| stopped())?;
+            embedding.map_err(|error| error.to_string())
+        })
     }
 
     /// Renders a picture.
@@ -149,7 +169,7 @@ impl Drop for QueryThread {
 pub(super) struct Worker {
     pub(super) config: QueryConfig,
     threshold: f32,
-    present_threshold: f32,
+    presence: Presence,
     pub(super) feature_size: usize,
     pub(super) words: Words,
     pub(super) decoder: GenericDecoder,
@@ -165,7 +185,10 @@ impl Worker {
         let threshold = config.threshold.unwrap_or(relevancy.threshold);
         Self {
             threshold,
-            present_threshold: relevancy.present_threshold.unwrap_or(threshold),
+            presence: Presence::new(
+                relevancy.present_threshold.unwrap_or(threshold),
+                relevancy.confidence_steepness,
+            ),
             feature_size,
             words: Words::new(tower, relevancy, config.cached_texts),
             decoder: GenericDecoder::new(decompressor),
@@ -182,6 +205,7 @@ impl Worker {
         while let Some(job) = jobs.blocking_recv() {
             match job {
                 Job::Ask { asked, reply } => drop(reply.send(self.answer(&asked))),
+                Job::Embed { text, reply } => drop(reply.send(self.words.embed(&text))),
                 Job::Render { snapshot, request, reply } => {
                     let (scene, palette) = (&mut self.scene, &mut self.palette);
                     drop(reply.send(picture::render(scene, palette, &snapshot, &request)));
@@ -268,9 +292,8 @@ impl Worker {
         let relevancy = features.relevancy(comparison, &camera).smoothed(side as usize);
         let peak = regions::peak(&relevancy);
         let boxes = regions::boxes(&relevancy, threshold);
-        // A lone pixel is noise: only regions speak for presence.
-        let confidence =
-            presence::confidence(boxes.first().map(|found| found.score), self.present_threshold);
+        let scores = relevancy.values.iter().copied();
+        let confidence = self.presence.confidence(scores, regions::least_pixels(&relevancy));
         let outputs = query.outputs;
         let mask = outputs.mask.then(|| regions::mask(&relevancy, threshold));
         timing.score = lap(&mut clock);
@@ -314,7 +337,8 @@ impl Worker {
         let within = |point: &ScoredPoint| {
             query.place.within.is_none_or(|within| within.contains(&point.position))
         };
-        let confidence = presence::confidence(best_score(&found), self.present_threshold);
+        let enough = self.config.cluster_points;
+        let confidence = self.presence.confidence(scores.all.iter().copied(), enough);
         found.truncate(query.max_objects);
         timing.score = lap(&mut clock);
         let outputs = query.outputs;
@@ -335,11 +359,6 @@ impl Worker {
             timing,
         })
     }
-}
-
-/// The greatest of the objects' scores, in whatever order they are.
-fn best_score(objects: &[Object]) -> Option<f32> {
-    objects.iter().map(|object| object.score).max_by(f32::total_cmp)
 }
 
 /// Milliseconds since the last lap.

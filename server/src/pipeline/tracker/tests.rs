@@ -87,6 +87,8 @@ impl Robot {
             depth_metres: depth.into(),
             world_from_camera: None,
             hint: hint.map(Box::new),
+            labels: None,
+            held_out: false,
         };
         self.map().submit(frame).await.unwrap().await.unwrap()
     }
