@@ -12,10 +12,13 @@ mod thread;
 pub use thread::LanguageThread;
 
 use super::compressor::GENERIC;
-use super::compressor::generic::{CodeGrid, GenericEncoder};
+use super::compressor::generic::{CodeGrid, GenericEncoder, grid_of};
 use super::frame::Frame;
-use super::network::{ImageSpec, Network, NetworkError, Tensor, VisionNetworks};
+use super::network::{
+    ImageSpec, Network, NetworkError, Provider, Tensor, VisionNetworks, VisionStages,
+};
 use super::srd::SuperResolution;
+use prepare::Preparation;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -28,6 +31,8 @@ pub struct LanguageConfig {
     pub models: PathBuf,
     /// ONNX Runtime's shared library; `None`: `ORT_DYLIB_PATH`, else what `make deps` got.
     pub runtime: Option<PathBuf>,
+    /// On what networks run, best first; without `cpu` at the end, one of them must work.
+    pub providers: Vec<Provider>,
     /// Threads of one network; 0: one for each core.
     pub threads: usize,
     /// Keyframes that wait for the networks; when full they are given back.
@@ -36,7 +41,13 @@ pub struct LanguageConfig {
 
 impl Default for LanguageConfig {
     fn default() -> Self {
-        Self { models: "models/tiny".into(), runtime: None, threads: 0, queue: 4 }
+        Self {
+            models: "models/tiny".into(),
+            runtime: None,
+            providers: vec![Provider::Cpu],
+            threads: 0,
+            queue: 4,
+        }
     }
 }
 
@@ -53,7 +64,7 @@ pub struct LanguageMap {
     pub timing: LanguageTiming,
 }
 
-/// Milliseconds.
+/// Milliseconds. Where the bundle has one graph for all, its time is the encoder's.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LanguageTiming {
     /// Preparing the image.
@@ -66,39 +77,36 @@ pub struct LanguageTiming {
     pub compressor: f32,
 }
 
-/// The image encoder.
-pub struct Encoder {
-    image: ImageSpec,
-    network: Network,
-}
-
-impl Encoder {
-    /// A prepared image to coarse features and skips, in the manifest's order.
-    ///
-    /// # Errors
-    /// [`NetworkError`] if the network fails.
-    fn encode(&mut self, prepared: Vec<f32>) -> Result<Vec<Tensor>, NetworkError> {
-        let shape = [1, 3, self.image.height, self.image.width];
-        self.network.run(vec![Tensor::floats(&shape, prepared)])
-    }
-}
-
-/// All three stages from colours to generic codes.
+/// From colours to generic codes.
 pub struct Vision {
-    encoder: Encoder,
-    srd: SuperResolution,
-    compressor: GenericEncoder,
+    image: ImageSpec,
+    preparation: Preparation,
+    /// `[1, 3, height, width]`, written anew for every frame.
+    input: [Tensor; 1],
+    stages: Stages,
+}
+
+/// The networks, each in its stage.
+enum Stages {
+    Folded(Network),
+    Apart { encoder: Network, srd: SuperResolution, compressor: GenericEncoder },
 }
 
 impl Vision {
     /// With the bundle's networks.
     pub fn new(networks: VisionNetworks) -> Self {
-        let VisionNetworks { image, encoder, srd, compressor, .. } = networks;
-        Self {
-            encoder: Encoder { image, network: encoder },
-            srd: SuperResolution::new(srd),
-            compressor: GenericEncoder::new(compressor),
-        }
+        let VisionNetworks { image, stages, .. } = networks;
+        let stages = match stages {
+            VisionStages::Folded(network) => Stages::Folded(network),
+            VisionStages::Apart { encoder, srd, compressor } => Stages::Apart {
+                encoder,
+                srd: SuperResolution::new(srd),
+                compressor: GenericEncoder::new(compressor),
+            },
+        };
+        let shape = [1, 3, image.height, image.width];
+        let input = [Tensor::floats(&shape, vec![0.0; 3 * image.height * image.width])];
+        Self { image, preparation: Preparation::default(), input, stages }
     }
 
     /// A frame's language.
@@ -107,16 +115,24 @@ impl Vision {
     /// [`NetworkError`] if a network fails.
     pub fn run(&mut self, frame: &Frame) -> Result<LanguageMap, NetworkError> {
         let mut clock = Stopwatch(Instant::now());
-        let prepared = prepare::prepare(frame, &self.encoder.image);
-        let covered = prepared.covered;
+        let covered = self.preparation.run(frame, &self.image, self.input[0].floats_mut());
         let mut timing = LanguageTiming { prepare: clock.lap(), ..Default::default() };
-        let coarse_and_skips = self.encoder.encode(prepared.planes)?;
-        timing.encoder = clock.lap();
-        let features = self.srd.upsample(coarse_and_skips)?;
-        timing.srd = clock.lap();
-        let grid = cropped(self.compressor.compress(features)?, covered);
+        let grid = match &mut self.stages {
+            Stages::Folded(network) => {
+                let codes = network.run(&self.input)?;
+                timing.encoder = clock.lap();
+                grid_of(&codes[0])
+            }
+            Stages::Apart { encoder, srd, compressor } => {
+                let coarse_and_skips = encoder.run(&self.input)?;
+                timing.encoder = clock.lap();
+                let features = srd.upsample(&coarse_and_skips)?;
+                timing.srd = clock.lap();
+                compressor.compress(&features)?
+            }
+        };
+        let CodeGrid { height, width, codes } = cropped(grid, covered);
         timing.compressor = clock.lap();
-        let CodeGrid { height, width, codes } = grid;
         Ok(LanguageMap { width: width as u32, height: height as u32, codes, timing })
     }
 }
