@@ -2,7 +2,7 @@
 //! map that is rebuilt from its log knows the same.
 
 use lexsplat_proto::v1::{self, frame_message::Message};
-use lexsplat_server::pipeline::query::{Outputs, Query, View};
+use lexsplat_server::pipeline::query::{Outputs, Place, Query, View};
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use lexsplat_tests::{Robot, Server, first_error, tiny_config};
 use std::collections::BTreeSet;
@@ -39,6 +39,7 @@ async fn found(
             threshold: None,
             smoothing_pixels: None,
             max_objects: 10,
+            place: Place::default(),
         };
         let answer =
             server.engine.query_snapshot(snapshot.clone(), query).await.expect("it is answered");

@@ -111,6 +111,7 @@ impl Query {
                 .within
                 .map(|[x0, y0, z0, x1, y1, z1]| Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
             smoothing: None,
+            max_objects: None,
         }
     }
 }

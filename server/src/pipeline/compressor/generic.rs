@@ -32,21 +32,25 @@ impl GenericEncoder {
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
-    pub fn compress(&mut self, features: Tensor) -> Result<CodeGrid, NetworkError> {
-        let planes = self.network.run(vec![features])?.swap_remove(0);
-        let shape = planes.shape();
-        let (height, width) = (shape[2], shape[3]);
-        let planes = planes.as_floats();
-        let cells = height * width;
-        let mut codes = vec![0.0; cells * GENERIC];
-        for (cell, code) in codes.chunks_exact_mut(GENERIC).enumerate() {
-            for (channel, value) in code.iter_mut().enumerate() {
-                *value = planes[channel * cells + cell];
-            }
-        }
-        normalise_rows(&mut codes, GENERIC);
-        Ok(CodeGrid { height, width, codes })
+    pub fn compress(&mut self, features: &[Tensor; 1]) -> Result<CodeGrid, NetworkError> {
+        Ok(grid_of(&self.network.run(features)?[0]))
     }
+}
+
+/// Planes `[1, 32, height, width]` as rows of unit length.
+pub fn grid_of(planes: &Tensor) -> CodeGrid {
+    let shape = planes.shape();
+    let (height, width) = (shape[2], shape[3]);
+    let planes = planes.as_floats();
+    let cells = height * width;
+    let mut codes = vec![0.0; cells * GENERIC];
+    for (cell, code) in codes.chunks_exact_mut(GENERIC).enumerate() {
+        for (channel, value) in code.iter_mut().enumerate() {
+            *value = planes[channel * cells + cell];
+        }
+    }
+    normalise_rows(&mut codes, GENERIC);
+    CodeGrid { height, width, codes }
 }
 
 /// Generic codes -> features.
@@ -72,7 +76,7 @@ impl GenericDecoder {
         for batch in codes.chunks(DECODE_BATCH * GENERIC) {
             let rows = batch.len() / GENERIC;
             let input = Tensor::floats(&[rows, GENERIC], batch.to_vec());
-            each(self.network.run(vec![input])?.swap_remove(0).as_floats());
+            each(&self.network.run(&[input])?[0].as_floats());
         }
         Ok(())
     }

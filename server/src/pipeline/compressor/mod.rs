@@ -35,6 +35,10 @@ pub trait OnlineStage: Send + Sync {
     fn encode(&self, generic: &[f32]) -> Vec<f32>;
     /// `[n, code_size]` -> `[n, 32]`, unit length; a code of any length is read by its direction.
     fn decode(&self, codes: &[f32]) -> Vec<f32>;
+    /// Codes `[n, code_size]` of an earlier state of this stage as codes of this one.
+    fn carried(&self, old: &dyn OnlineStage, codes: &[f32]) -> Vec<f32> {
+        self.encode(&old.decode(codes))
+    }
     /// A copy as it is now.
     fn boxed_clone(&self) -> Box<dyn OnlineStage>;
 }
@@ -103,11 +107,12 @@ pub fn online(config: &CompressorConfig) -> Box<dyn OnlineStage> {
     }
 }
 
-/// Rewrites codes `[n, code_size]` of version `old` as codes of version `new`:
-/// c -> E_new(D_old(c)). All-zero codes ("no language yet") stay so.
+/// Rewrites codes `[n, code_size]` of version `old` as codes of version `new`, in the way that
+/// loses least with this stage ([`OnlineStage::carried`]). All-zero codes ("no language yet") stay
+/// so.
 pub fn carry_over(old: &dyn OnlineStage, new: &dyn OnlineStage, codes: &mut [f32]) {
     let size = old.code_size();
-    let carried = new.encode(&old.decode(codes));
+    let carried = new.carried(old, codes);
     for (code, carried) in codes.chunks_exact_mut(size).zip(carried.chunks_exact(size)) {
         if code.iter().any(|&value| value != 0.0) {
             code.copy_from_slice(carried);

@@ -85,8 +85,11 @@ fn after_a_drive(config: &CompressorConfig, keyframes: &[Vec<f32>]) -> Readable 
     }
 }
 
+/// What a code must keep of its 32-D truth.
+const READABLE: f32 = 0.9;
+
 #[test]
-fn the_first_keyframe_stays_readable_and_better_than_with_the_released_schedule() {
+fn the_first_keyframe_stays_readable_and_with_the_released_behaviour_it_does_not() {
     for seed in [1, 2, 3] {
         let keyframes = drive(seed);
         // Measured: carried 0.957 to 0.973, again 0.967 to 0.977, 11 to 13 versions.
@@ -94,15 +97,32 @@ fn the_first_keyframe_stays_readable_and_better_than_with_the_released_schedule(
         assert!(linear.carried > 0.95 && linear.again >= linear.carried, "{linear:?}");
         // The basis rests once it fits, and what was not carried over is nearly readable.
         assert!(linear.versions < KEYFRAMES as u64 / 4, "{linear:?}");
-        assert!(linear.frozen > 0.9, "{linear:?}");
-        // Negative control, an auto-encoder with frozen codes as released: 0.864 to 0.890. Carrying
-        // over does not save it (0.15 to 0.33): each of a hundred versions costs a little. What it
-        // encodes again, it reads (0.951 to 0.957). This is why the default is linear.
+        assert!(linear.frozen > READABLE, "{linear:?}");
         let mlp = CompressorConfig { stage: Stage::Mlp, ..Default::default() };
         let mlp = after_a_drive(&mlp, &keyframes);
-        assert!(mlp.frozen < 0.9 && mlp.carried < mlp.frozen, "{mlp:?}");
-        assert!(mlp.again > 0.9 && mlp.again < linear.again, "{mlp:?}");
+        assert_eq!(mlp.versions, KEYFRAMES as u64);
+        assert!(mlp.carried > READABLE && mlp.again >= mlp.carried, "{mlp:?}");
+        // Negative control, what the released system does: codes are written once and read with
+        // the latest decoder.
+        assert!(mlp.frozen < READABLE, "{mlp:?}");
     }
+}
+
+#[test]
+fn decoding_and_encoding_again_would_lose_the_auto_encoder_s_codes() {
+    let keyframes = drive(1);
+    let mut stage = Mlp::new(&CompressorConfig { stage: Stage::Mlp, ..Default::default() });
+    stage.observe(&keyframes[0]);
+    let (mut followed, mut again) = (stage.encode(&keyframes[0]), stage.encode(&keyframes[0]));
+    for keyframe in &keyframes[1..] {
+        let before = stage.clone();
+        stage.observe(keyframe);
+        carry_over(&before, &stage, &mut followed);
+        again = stage.encode(&before.decode(&again));
+    }
+    let readable = |codes: &[f32]| mean_cosine(&stage.decode(codes), &keyframes[0]);
+    let (followed, again) = (readable(&followed), readable(&again));
+    assert!(followed > READABLE && again < 0.5, "{followed} {again}");
 }
 
 #[test]

@@ -90,7 +90,8 @@ impl LabelCodes {
                     planes[channel * cells + cell] = *value;
                 }
             }
-            let codes = compressor.compress(Tensor::floats(&[1, size, rows, columns], planes))?;
+            let codes =
+                compressor.compress(&[Tensor::floats(&[1, size, rows, columns], planes)])?;
             let codes = codes.codes.chunks_exact(GENERIC);
             self.known.extend(some.iter().zip(codes).map(|(text, code)| {
                 let code = code.try_into().expect("a chunk has as many values as a code");

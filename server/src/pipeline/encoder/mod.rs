@@ -15,11 +15,14 @@ pub use labels::Embed;
 pub use thread::LanguageThread;
 
 use super::compressor::GENERIC;
-use super::compressor::generic::{CodeGrid, GenericEncoder};
+use super::compressor::generic::{CodeGrid, GenericEncoder, grid_of};
 use super::frame::{Frame, Labels};
-use super::network::{ImageSpec, Network, NetworkError, Tensor, VisionNetworks};
+use super::network::{
+    ImageSpec, Network, NetworkError, Provider, Tensor, VisionNetworks, VisionStages,
+};
 use super::srd::SuperResolution;
 use labels::{LabelCodes, majority};
+use prepare::Preparation;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -32,6 +35,8 @@ pub struct LanguageConfig {
     pub models: PathBuf,
     /// ONNX Runtime's shared library; `None`: `ORT_DYLIB_PATH`, else what `make deps` got.
     pub runtime: Option<PathBuf>,
+    /// On what networks run, best first; without `cpu` at the end, one of them must work.
+    pub providers: Vec<Provider>,
     /// Threads of one network; 0: one for each core.
     pub threads: usize,
     /// Keyframes that wait for the networks; when full they are given back.
@@ -40,7 +45,13 @@ pub struct LanguageConfig {
 
 impl Default for LanguageConfig {
     fn default() -> Self {
-        Self { models: "models/tiny".into(), runtime: None, threads: 0, queue: 4 }
+        Self {
+            models: "models/tiny".into(),
+            runtime: None,
+            providers: vec![Provider::Cpu],
+            threads: 0,
+            queue: 4,
+        }
     }
 }
 
@@ -57,7 +68,7 @@ pub struct LanguageMap {
     pub timing: LanguageTiming,
 }
 
-/// Milliseconds.
+/// Milliseconds. Where the bundle has one graph for all, its time is the encoder's.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LanguageTiming {
     /// Preparing the image.
@@ -68,23 +79,6 @@ pub struct LanguageTiming {
     pub srd: f32,
     /// The generic compressor.
     pub compressor: f32,
-}
-
-/// The image encoder.
-pub struct Encoder {
-    image: ImageSpec,
-    network: Network,
-}
-
-impl Encoder {
-    /// A prepared image to coarse features and skips, in the manifest's order.
-    ///
-    /// # Errors
-    /// [`NetworkError`] if the network fails.
-    fn encode(&mut self, prepared: Vec<f32>) -> Result<Vec<Tensor>, NetworkError> {
-        let shape = [1, 3, self.image.height, self.image.width];
-        self.network.run(vec![Tensor::floats(&shape, prepared)])
-    }
 }
 
 /// Why a keyframe has no language.
@@ -99,26 +93,45 @@ pub enum LanguageError {
         /// The text tower's words.
         reason: String,
     },
+    /// Labels are given, and nothing makes codes of their texts.
+    #[error("labels were given, but the bundle has no compressor: name one in compressor.encoder")]
+    NoCompressor,
 }
 
-/// All three stages from colours to generic codes.
+/// From colours, or from given labels, to generic codes.
 pub struct Vision {
+    image: ImageSpec,
+    preparation: Preparation,
+    /// `[1, 3, height, width]`, written anew for every frame.
+    input: [Tensor; 1],
     labels: LabelCodes,
-    encoder: Encoder,
-    srd: SuperResolution,
-    compressor: GenericEncoder,
+    stages: Stages,
+}
+
+/// The networks, each in its stage.
+enum Stages {
+    Folded { network: Network, compressor: Option<GenericEncoder> },
+    Apart { encoder: Network, srd: SuperResolution, compressor: GenericEncoder },
 }
 
 impl Vision {
     /// With the bundle's networks; `embed` makes features of labels' texts.
     pub fn new(networks: VisionNetworks, embed: Embed) -> Self {
-        let VisionNetworks { image, encoder, srd, compressor, grid } = networks;
-        Self {
-            labels: LabelCodes::new(embed, grid),
-            encoder: Encoder { image, network: encoder },
-            srd: SuperResolution::new(srd),
-            compressor: GenericEncoder::new(compressor),
-        }
+        let VisionNetworks { image, stages, grid } = networks;
+        let stages = match stages {
+            VisionStages::Folded { network, compressor } => {
+                Stages::Folded { network, compressor: compressor.map(GenericEncoder::new) }
+            }
+            VisionStages::Apart { encoder, srd, compressor } => Stages::Apart {
+                encoder,
+                srd: SuperResolution::new(srd),
+                compressor: GenericEncoder::new(compressor),
+            },
+        };
+        let shape = [1, 3, image.height, image.width];
+        let input = [Tensor::floats(&shape, vec![0.0; 3 * image.height * image.width])];
+        let labels = LabelCodes::new(embed, grid);
+        Self { image, preparation: Preparation::default(), input, labels, stages }
     }
 
     /// A frame's language: given with it, or seen in it.
@@ -136,10 +149,15 @@ impl Vision {
     fn given(&mut self, frame: &Frame, labels: &Labels) -> Result<LanguageMap, LanguageError> {
         let mut clock = Stopwatch(Instant::now());
         let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
-        let [width, height] = kept(self.labels.grid(), prepare::covered(from, &self.encoder.image));
+        let [width, height] = kept(self.labels.grid(), prepare::covered(from, &self.image));
         let ids = majority(&labels.ids, from, (width, height));
         let mut timing = LanguageTiming { prepare: clock.lap(), ..Default::default() };
-        let code_of = self.labels.of(&mut self.compressor, labels)?;
+        let compressor = match &mut self.stages {
+            Stages::Apart { compressor, .. } => Some(compressor),
+            Stages::Folded { compressor, .. } => compressor.as_mut(),
+        };
+        let compressor = compressor.ok_or(LanguageError::NoCompressor)?;
+        let code_of = self.labels.of(compressor, labels)?;
         let codes = ids.iter().flat_map(|id| code_of[usize::from(*id)]).collect();
         timing.compressor = clock.lap();
         Ok(LanguageMap { width: width as u32, height: height as u32, codes, timing })
@@ -148,16 +166,24 @@ impl Vision {
     /// What the networks see.
     fn seen(&mut self, frame: &Frame) -> Result<LanguageMap, NetworkError> {
         let mut clock = Stopwatch(Instant::now());
-        let prepared = prepare::prepare(frame, &self.encoder.image);
-        let covered = prepared.covered;
+        let covered = self.preparation.run(frame, &self.image, self.input[0].floats_mut());
         let mut timing = LanguageTiming { prepare: clock.lap(), ..Default::default() };
-        let coarse_and_skips = self.encoder.encode(prepared.planes)?;
-        timing.encoder = clock.lap();
-        let features = self.srd.upsample(coarse_and_skips)?;
-        timing.srd = clock.lap();
-        let grid = cropped(self.compressor.compress(features)?, covered);
+        let grid = match &mut self.stages {
+            Stages::Folded { network, .. } => {
+                let codes = network.run(&self.input)?;
+                timing.encoder = clock.lap();
+                grid_of(&codes[0])
+            }
+            Stages::Apart { encoder, srd, compressor } => {
+                let coarse_and_skips = encoder.run(&self.input)?;
+                timing.encoder = clock.lap();
+                let features = srd.upsample(&coarse_and_skips)?;
+                timing.srd = clock.lap();
+                compressor.compress(&features)?
+            }
+        };
+        let CodeGrid { height, width, codes } = cropped(grid, covered);
         timing.compressor = clock.lap();
-        let CodeGrid { height, width, codes } = grid;
         Ok(LanguageMap { width: width as u32, height: height as u32, codes, timing })
     }
 }

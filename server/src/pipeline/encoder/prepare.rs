@@ -4,37 +4,38 @@
 
 use super::super::frame::Frame;
 use super::super::network::{ChannelOrder, Fit, ImageSpec};
-use super::resample::resample;
+use super::resample::Resampler;
 
-/// What goes into the encoder.
-pub(super) struct Prepared {
-    /// `[3, height, width]`, normalised.
-    pub planes: Vec<f32>,
-    /// The share of columns and of rows that the image fills, from the top left.
-    pub covered: [f32; 2],
+/// Prepares one image after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Preparation {
+    resampler: Resampler,
 }
 
-/// Scales, orders and normalises.
-pub(super) fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
-    let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
-    let (width, height) = fitted(from, spec);
-    let pixels = resample(&frame.rgb, from, (width, height));
-    // Padding is the mean, which is zero once normalised.
-    let mut planes = vec![0.0; 3 * spec.height * spec.width];
-    for (channel, plane) in planes.chunks_exact_mut(spec.height * spec.width).enumerate() {
-        let source_channel = match spec.channel_order {
-            ChannelOrder::Rgb => channel,
-            ChannelOrder::Bgr => 2 - channel,
-        };
-        let (mean, scale) = (spec.mean[channel], 1.0 / spec.std[channel]);
-        for (row, pixels) in plane.chunks_exact_mut(spec.width).zip(pixels.chunks_exact(3 * width))
-        {
-            for (value, pixel) in row.iter_mut().zip(pixels.chunks_exact(3)) {
-                *value = (pixel[source_channel] - mean) * scale;
+impl Preparation {
+    /// Scales, orders and normalises into `planes` `[3, height, width]`; gives the share of columns
+    /// and of rows that the image fills, from the top left.
+    pub(super) fn run(&mut self, frame: &Frame, spec: &ImageSpec, planes: &mut [f32]) -> [f32; 2] {
+        let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
+        let (width, height) = fitted(from, spec);
+        let pixels = self.resampler.run(&frame.rgb, from, (width, height), spec.antialias);
+        // Padding is the mean, which is zero once normalised.
+        planes.fill(0.0);
+        for (channel, plane) in planes.chunks_exact_mut(spec.height * spec.width).enumerate() {
+            let source_channel = match spec.channel_order {
+                ChannelOrder::Rgb => channel,
+                ChannelOrder::Bgr => 2 - channel,
+            };
+            let (mean, scale) = (spec.mean[channel], 1.0 / spec.std[channel]);
+            let rows = plane.chunks_exact_mut(spec.width).zip(pixels.chunks_exact(3 * width));
+            for (row, pixels) in rows {
+                for (value, pixel) in row.iter_mut().zip(pixels.chunks_exact(3)) {
+                    *value = (pixel[source_channel] - mean) * scale;
+                }
             }
         }
+        covered(from, spec)
     }
-    Prepared { planes, covered: covered(from, spec) }
 }
 
 /// The share of the network's columns and rows that an image of this (width, height) fills.

@@ -1,5 +1,5 @@
 //! Images in another size. Shrinking averages over what it drops (triangle filter, as wide as the
-//! scale); growing is bilinear. Pixel areas keep their place.
+//! scale), or, without antialiasing, is bilinear as growing is. Pixel areas keep their place.
 
 use rayon::prelude::*;
 
@@ -10,9 +10,9 @@ struct Taps {
 }
 
 impl Taps {
-    fn all(from: usize, to: usize) -> Vec<Self> {
+    fn all(from: usize, to: usize, antialias: bool) -> Vec<Self> {
         let scale = from as f32 / to as f32;
-        let radius = scale.max(1.0);
+        let radius = if antialias { scale.max(1.0) } else { 1.0 };
         let taps = |at: usize| {
             let center = (at as f32 + 0.5) * scale - 0.5;
             let first = (center - radius).ceil().max(0.0) as usize;
@@ -27,32 +27,50 @@ impl Taps {
     }
 }
 
-/// `[height, width, 3]`, 8 bit, of `from` = (width, height) to the same in f32 of size `to`.
-pub(super) fn resample(rgb: &[u8], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
-    let columns = Taps::all(from.0, to.0);
-    let mut narrow = vec![0.0_f32; from.1 * to.0 * 3];
-    let rows = narrow.par_chunks_exact_mut(to.0 * 3).zip(rgb.par_chunks_exact(from.0 * 3));
-    rows.for_each(|(narrow, wide)| {
-        for (pixel, taps) in narrow.chunks_exact_mut(3).zip(&columns) {
-            let sources = wide[taps.first * 3..].chunks_exact(3);
-            let mut sum = [0.0; 3];
-            for (&weight, source) in taps.weights.iter().zip(sources) {
-                for (sum, &value) in sum.iter_mut().zip(source) {
-                    *sum += weight * f32::from(value);
+/// Resamples one image after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Resampler {
+    /// Columns resampled, rows as they are.
+    narrow: Vec<f32>,
+    found: Vec<f32>,
+}
+
+impl Resampler {
+    /// `[height, width, 3]`, 8 bit, of `from` = (width, height) to the same in f32 of size `to`.
+    pub(super) fn run(
+        &mut self,
+        rgb: &[u8],
+        from: (usize, usize),
+        to: (usize, usize),
+        antialias: bool,
+    ) -> &[f32] {
+        let columns = Taps::all(from.0, to.0, antialias);
+        self.narrow.resize(from.1 * to.0 * 3, 0.0);
+        let rows = self.narrow.par_chunks_exact_mut(to.0 * 3).zip(rgb.par_chunks_exact(from.0 * 3));
+        rows.for_each(|(narrow, wide)| {
+            for (pixel, taps) in narrow.chunks_exact_mut(3).zip(&columns) {
+                let sources = wide[taps.first * 3..].chunks_exact(3);
+                let mut sum = [0.0; 3];
+                for (&weight, source) in taps.weights.iter().zip(sources) {
+                    for (sum, &value) in sum.iter_mut().zip(source) {
+                        *sum += weight * f32::from(value);
+                    }
                 }
+                pixel.copy_from_slice(&sum);
             }
-            pixel.copy_from_slice(&sum);
-        }
-    });
-    let lines = Taps::all(from.1, to.1);
-    let mut found = vec![0.0_f32; to.1 * to.0 * 3];
-    found.par_chunks_exact_mut(to.0 * 3).zip(&lines).for_each(|(row, taps)| {
-        let sources = narrow[taps.first * to.0 * 3..].chunks_exact(to.0 * 3);
-        for (&weight, source) in taps.weights.iter().zip(sources) {
-            row.iter_mut().zip(source).for_each(|(sum, value)| *sum += weight * value);
-        }
-    });
-    found
+        });
+        let lines = Taps::all(from.1, to.1, antialias);
+        let narrow = &self.narrow;
+        self.found.resize(to.1 * to.0 * 3, 0.0);
+        self.found.par_chunks_exact_mut(to.0 * 3).zip(&lines).for_each(|(row, taps)| {
+            row.fill(0.0);
+            let sources = narrow[taps.first * to.0 * 3..].chunks_exact(to.0 * 3);
+            for (&weight, source) in taps.weights.iter().zip(sources) {
+                row.iter_mut().zip(source).for_each(|(sum, value)| *sum += weight * value);
+            }
+        });
+        &self.found
+    }
 }
 
 #[cfg(test)]
@@ -78,7 +96,7 @@ mod tests {
         let from = (37, 23);
         let rgb: Vec<u8> = (0..37 * 23 * 3_u32).map(|i| (i * i % 251) as u8).collect();
         for to in [(37, 23), (11, 9), (12, 40), (80, 60)] {
-            let found = resample(&rgb, (37, 23), to);
+            let found = Resampler::default().run(&rgb, (37, 23), to, true).to_vec();
             let to = (to.0 as u32, to.1 as u32);
             let apart = furthest(&found, &other(&rgb, from, to, FilterType::Triangle));
             // Rounding to 8 bit in between.
@@ -87,5 +105,21 @@ mod tests {
             let nearest = furthest(&found, &other(&rgb, from, to, FilterType::Nearest));
             assert!(nearest > 20.0 || to == from, "{to:?}: {nearest}");
         }
+    }
+    /// Computed with `torch.nn.functional.interpolate(torch.arange(6.)[None, None, None] ** 2 * 10,
+    /// (1, 4), mode="bilinear", align_corners=False)`, torch 2.15.
+    const BILINEAR: [f32; 4] = [2.5, 32.5, 107.5, 227.5];
+
+    #[test]
+    fn without_antialiasing_it_is_bilinear() {
+        let rgb: Vec<u8> = (0..6_u8).flat_map(|i| [i * i * 10; 3]).collect();
+        let mut resampler = Resampler::default();
+        let found = |antialias, resampler: &mut Resampler| -> Vec<f32> {
+            resampler.run(&rgb, (6, 1), (4, 1), antialias).iter().step_by(3).copied().collect()
+        };
+        assert!(furthest(&found(false, &mut resampler), &BILINEAR) < 1e-3);
+        // Negative control: the average is another; and the memory's past does not matter.
+        assert!(furthest(&found(true, &mut resampler), &BILINEAR) > 1.0);
+        assert!(furthest(&found(false, &mut resampler), &BILINEAR) < 1e-3);
     }
 }

@@ -1,6 +1,5 @@
 //! Images are prepared as the manifest says, and the bundle makes unit codes of them.
 
-use super::prepare::prepare;
 use super::*;
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::network::{Bundle, ChannelOrder, Fit};
@@ -29,7 +28,20 @@ fn spec(width: usize, height: usize) -> ImageSpec {
         channel_order: ChannelOrder::Rgb,
         mean: [10.0, 20.0, 30.0],
         std: [2.0, 4.0, 5.0],
+        antialias: true,
     }
+}
+
+struct Prepared {
+    planes: Vec<f32>,
+    covered: [f32; 2],
+}
+
+/// Into memory that is not clean.
+fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
+    let mut planes = vec![f32::NAN; 3 * spec.height * spec.width];
+    let covered = Preparation::default().run(frame, spec, &mut planes);
+    Prepared { planes, covered }
 }
 
 #[test]

@@ -7,17 +7,22 @@
 
 mod find;
 mod manifest;
+mod provider;
 mod runtime;
+mod tensor;
 
 pub use find::FindError;
 pub use manifest::{ChannelOrder, Fit, ImageSpec, ManifestError, RelevancySpec};
-pub use runtime::{Network, NetworkError, Tensor};
+pub use provider::{Provider, ProviderError};
+pub use runtime::{Network, NetworkError};
+pub use tensor::Tensor;
 
 use super::compressor::GENERIC;
 use super::encoder::LanguageConfig;
-use manifest::{GraphSpec, Manifest};
-use runtime::{Declared, Kind, Runtime};
+use manifest::{GraphSpec, Manifest, VisionSpec};
+use runtime::Runtime;
 use std::path::Path;
+use tensor::{Declared, Kind};
 use tokenizers::Tokenizer;
 
 /// Text that every bundle must be able to embed.
@@ -43,6 +48,9 @@ pub enum BundleError {
     /// ONNX Runtime's library is there but cannot be used.
     #[error("cannot use ONNX Runtime")]
     Runtime(#[source] NetworkError),
+    /// What the networks are to run on.
+    #[error(transparent)]
+    Provider(#[from] ProviderError),
     /// The tokenizer's file.
     #[error("bundle file {file:?}: not a tokenizer: {reason}")]
     Tokenizer {
@@ -57,14 +65,25 @@ pub enum BundleError {
 pub struct VisionNetworks {
     /// How colours are prepared.
     pub image: ImageSpec,
-    /// `[1, 3, height, width]` -> coarse features and skips.
-    pub encoder: Network,
-    /// Those -> features `[1, D, grid height, grid width]`, unit length over D.
-    pub srd: Network,
-    /// Features -> generic codes `[1, 32, grid height, grid width]`, unit length over 32.
-    pub compressor: Network,
-    /// Rows and columns of the grid.
+    /// What is run on them.
+    pub stages: VisionStages,
+    /// Rows and columns of the codes.
     pub grid: [usize; 2],
+}
+
+/// `[1, 3, height, width]` -> generic codes `[1, 32, grid height, grid width]`, unit length over 32.
+pub enum VisionStages {
+    /// In one graph; features -> codes by themselves, if the bundle has that.
+    Folded { network: Network, compressor: Option<Network> },
+    /// In the method's three.
+    Apart {
+        /// `[1, 3, height, width]` -> coarse features and skips.
+        encoder: Network,
+        /// Those -> features `[1, D, grid height, grid width]`.
+        srd: Network,
+        /// Features -> codes.
+        compressor: Network,
+    },
 }
 
 /// Words -> embeddings.
@@ -103,8 +122,9 @@ impl Bundle {
         let library = find::runtime(config.runtime.as_deref())?;
         let runtime = Runtime::open(&library).map_err(BundleError::Runtime)?;
         let manifest = Manifest::read(&folder)?;
-        let loader =
-            Loader { folder: &folder, manifest: &manifest, runtime, threads: config.threads };
+        let providers = provider::choose(&runtime, &config.providers)?;
+        let threads = config.threads;
+        let loader = Loader { folder: &folder, manifest: &manifest, runtime, providers, threads };
         let bundle =
             Self { name: manifest.name.clone(), vision: loader.vision()?, text: loader.text()? };
         tracing::info!(
@@ -133,6 +153,9 @@ struct Loader<'a> {
     folder: &'a Path,
     manifest: &'a Manifest,
     runtime: Runtime,
+    /// On what networks run, best first.
+    providers: Vec<Provider>,
+    /// Of one network; 0: one for each core.
     threads: usize,
 }
 
@@ -140,33 +163,39 @@ impl Loader<'_> {
     fn vision(&self) -> Result<VisionNetworks, BundleError> {
         let manifest = self.manifest;
         let image = manifest.image.clone();
-        let [rows, columns] = manifest.srd.grid;
+        let [rows, columns] = manifest.grid;
+        let picture = [1, 3, image.height, image.width];
         let features = [1, manifest.feature_size, rows, columns];
         let codes = [1, GENERIC, rows, columns];
-
-        let mut encoder = self.network(
-            &manifest.encoder,
-            &[Declared::floats([1, 3, image.height, image.width])],
-            &vec![Declared::any(); manifest.encoder.outputs.len()],
-        )?;
-        let mut srd = self.network(
-            &manifest.srd.graph,
-            &vec![Declared::any(); manifest.srd.graph.inputs.len()],
-            &[Declared::floats(features)],
-        )?;
-        let compressor = &manifest.compressor.encoder;
-        let mut compress =
-            self.network(compressor, &[Declared::floats(features)], &[Declared::floats(codes)])?;
-
-        // One image through all three: what the graphs leave open shows here and not at a keyframe.
-        let probe = Tensor::floats(
-            &[1, 3, image.height, image.width],
-            vec![0.0; 3 * image.height * image.width],
-        );
-        let coarse = run(&manifest.encoder, &mut encoder, vec![probe])?;
-        let dense = run(&manifest.srd.graph, &mut srd, coarse)?;
-        run(compressor, &mut compress, dense)?;
-        Ok(VisionNetworks { image, encoder, srd, compressor: compress, grid: manifest.srd.grid })
+        // One image through everything: what the graphs leave open shows here and not at a keyframe.
+        let probe = [Tensor::floats(&picture, vec![0.0; 3 * image.height * image.width])];
+        let stages = match &manifest.vision {
+            VisionSpec::Folded { graph, compressor } => {
+                let (picture, codes) = ([Declared::floats(picture)], [Declared::floats(codes)]);
+                let features = [Declared::floats(features)];
+                let mut network = self.network(graph, &self.providers, &picture, &codes)?;
+                run(graph, &mut network, &probe)?;
+                let compressor = compressor.as_ref();
+                let load = |spec| self.network(spec, &self.providers, &features, &codes);
+                VisionStages::Folded { network, compressor: compressor.map(load).transpose()? }
+            }
+            VisionSpec::Stages { encoder, srd, compressor } => {
+                let load = |spec: &GraphSpec, inputs: &[Declared], outputs: &[Declared]| {
+                    self.network(spec, &self.providers, inputs, outputs)
+                };
+                let any = |count| vec![Declared::any(); count];
+                let picture = [Declared::floats(picture)];
+                let mut encode = load(encoder, &picture, &any(encoder.outputs.len()))?;
+                let features = [Declared::floats(features)];
+                let mut upsample = load(srd, &any(srd.inputs.len()), &features)?;
+                let mut compress = load(compressor, &features, &[Declared::floats(codes)])?;
+                let coarse = run(encoder, &mut encode, &probe)?;
+                let dense = run(srd, &mut upsample, &coarse)?;
+                run(compressor, &mut compress, &dense)?;
+                VisionStages::Apart { encoder: encode, srd: upsample, compressor: compress }
+            }
+        };
+        Ok(VisionNetworks { image, stages, grid: manifest.grid })
     }
 
     fn text(&self) -> Result<TextNetworks, BundleError> {
@@ -174,20 +203,25 @@ impl Loader<'_> {
         let size = manifest.feature_size;
         let tokenizer = self.tokenizer()?;
         let graph = &manifest.text.graph;
+        // TensorRT would compile these again for every length of a text and every number of codes.
+        let mut providers = self.providers.clone();
+        providers.retain(|&provider| provider != Provider::TensorRt);
         let network = self.network(
             graph,
+            &providers,
             &vec![Declared::new(Kind::Int64, &[Some(1), None]); graph.inputs.len()],
             &[Declared::floats([1, size])],
         )?;
-        let decoder = &manifest.compressor.decoder;
+        let decoder = &manifest.decoder;
         let mut decompressor = self.network(
             decoder,
+            &providers,
             &[Declared::new(Kind::Float32, &[None, Some(GENERIC)])],
             &[Declared::new(Kind::Float32, &[None, Some(size)])],
         )?;
         let mut one = vec![0.0; GENERIC];
         one[0] = 1.0;
-        run(decoder, &mut decompressor, vec![Tensor::floats(&[1, GENERIC], one)])?;
+        run(decoder, &mut decompressor, &[Tensor::floats(&[1, GENERIC], one)])?;
         let mut tower = TextTower { tokenizer, network };
         tower
             .embed(PROBE_TEXT)
@@ -199,13 +233,16 @@ impl Loader<'_> {
     fn network(
         &self,
         spec: &GraphSpec,
+        providers: &[Provider],
         inputs: &[Declared],
         outputs: &[Declared],
     ) -> Result<Network, BundleError> {
         let bytes = self.manifest.bytes(self.folder, &spec.file)?;
         let inputs = spec.inputs.iter().cloned().zip(inputs.iter().cloned()).collect();
         let outputs = spec.outputs.iter().cloned().zip(outputs.iter().cloned()).collect();
-        Network::load(&self.runtime, &bytes, self.threads, inputs, outputs)
+        self.runtime
+            .builder(providers, self.threads)
+            .and_then(|builder| Network::load(builder, &bytes, inputs, outputs))
             .map_err(|source| BundleError::Graph { file: spec.file.clone(), source })
     }
 
@@ -228,7 +265,7 @@ impl Loader<'_> {
 fn run(
     spec: &GraphSpec,
     network: &mut Network,
-    inputs: Vec<Tensor>,
+    inputs: &[Tensor],
 ) -> Result<Vec<Tensor>, BundleError> {
     network.run(inputs).map_err(|source| BundleError::Graph { file: spec.file.clone(), source })
 }
@@ -250,7 +287,7 @@ impl TextTower {
             let padding = std::iter::repeat_n(0, length.saturating_sub(tokens));
             values.iter().take(length).map(|&value| i64::from(value)).chain(padding).collect()
         };
-        let inputs = self
+        let inputs: Vec<Tensor> = self
             .network
             .input_names()
             .map(|name| {
@@ -262,8 +299,8 @@ impl TextTower {
                 Tensor::ints(&[1, length], padded(values))
             })
             .collect();
-        let mut outputs = self.network.run(inputs)?;
-        Ok(outputs.swap_remove(0).into_floats())
+        let outputs = self.network.run(&inputs)?;
+        Ok(outputs[0].as_floats().into_owned())
     }
 }
 

@@ -4,8 +4,11 @@
 //! a copy. Types and shapes are checked when a file is loaded (where the graph declares them) and
 //! at every run.
 
+use super::provider::Provider;
+use super::tensor::{Declared, Tensor};
+use ort::session::builder::SessionBuilder;
 use ort::session::{Session, SessionInputValue};
-use ort::value::{DynValue, TensorElementType, ValueType};
+use ort::value::TensorElementType;
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Mutex;
@@ -64,129 +67,21 @@ impl Runtime {
             .build()?;
         Ok(Self(environment.insert(opened).clone()))
     }
-}
 
-/// Type of a tensor's elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Float32,
-    Int64,
-}
-
-/// What a tensor must be; `None` is any size, no shape at all is any shape.
-#[derive(Clone, Debug)]
-pub(super) struct Declared {
-    kind: Kind,
-    shape: Option<Vec<Option<usize>>>,
-}
-
-impl Declared {
-    pub(super) fn new(kind: Kind, shape: &[Option<usize>]) -> Self {
-        Self { kind, shape: Some(shape.to_vec()) }
-    }
-
-    /// Floats of exactly this shape.
-    pub(super) fn floats<const N: usize>(shape: [usize; N]) -> Self {
-        Self::new(Kind::Float32, &shape.map(Some))
-    }
-
-    /// Floats of any shape.
-    pub(super) fn any() -> Self {
-        Self { kind: Kind::Float32, shape: None }
-    }
-
-    /// Fails if `found` cannot be this; sizes that a graph leaves open (-1) may be anything.
-    fn check(&self, tensor: &str, found: &ValueType) -> Result<(), NetworkError> {
-        let kind = match self.kind {
-            Kind::Float32 => TensorElementType::Float32,
-            Kind::Int64 => TensorElementType::Int64,
-        };
-        let same_shape = match (&self.shape, found.tensor_shape()) {
-            (Some(expected), Some(shape)) => {
-                expected.len() == shape.len()
-                    && expected.iter().zip(shape.iter()).all(|(&expected, &size)| {
-                        size < 0 || expected.is_none_or(|expected| expected as i64 == size)
-                    })
-            }
-            (None, Some(_)) => true,
-            (_, None) => false,
-        };
-        if same_shape && found.tensor_type() == Some(kind) {
-            return Ok(());
-        }
-        Err(NetworkError::Tensor {
-            tensor: tensor.into(),
-            expected: self.to_string(),
-            found: written(found),
-        })
-    }
-}
-
-impl std::fmt::Display for Declared {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = match self.kind {
-            Kind::Float32 => "f32",
-            Kind::Int64 => "i64",
-        };
-        let Some(shape) = &self.shape else { return f.write_str(kind) };
-        let sizes: Vec<String> =
-            shape.iter().map(|size| size.map_or("?".into(), |size| size.to_string())).collect();
-        write!(f, "{kind}[{}]", sizes.join(", "))
-    }
-}
-
-/// Type and shape of what a graph has, as [`Declared`] writes it.
-fn written(found: &ValueType) -> String {
-    let kind = found.tensor_type().map_or("no tensor".into(), |kind| kind.to_string());
-    let sizes: Vec<String> = found
-        .tensor_shape()
-        .map(|shape| {
-            shape.iter().map(|&s| if s < 0 { "?".into() } else { s.to_string() }).collect()
-        })
-        .unwrap_or_default();
-    format!("{kind}[{}]", sizes.join(", "))
-}
-
-/// A dense tensor, row-major.
-pub struct Tensor(DynValue);
-
-impl Tensor {
-    /// Floats; `data` has as many as `shape` says.
-    ///
-    /// # Panics
-    /// If it has not.
-    pub fn floats(shape: &[usize], data: Vec<f32>) -> Self {
-        let shape: Vec<i64> = shape.iter().map(|&size| size as i64).collect();
-        let tensor = ort::value::Tensor::from_array((shape, data));
-        Self(tensor.expect("as many numbers as the shape says").into_dyn())
-    }
-
-    /// Integers; `data` has as many as `shape` says.
-    ///
-    /// # Panics
-    /// If it has not.
-    pub fn ints(shape: &[usize], data: Vec<i64>) -> Self {
-        let shape: Vec<i64> = shape.iter().map(|&size| size as i64).collect();
-        let tensor = ort::value::Tensor::from_array((shape, data));
-        Self(tensor.expect("as many numbers as the shape says").into_dyn())
-    }
-
-    /// The numbers of a tensor that a network gave as floats.
-    pub fn as_floats(&self) -> &[f32] {
-        let (_, data) =
-            self.0.try_extract_tensor().expect("the network's outputs are checked to be floats");
-        data
-    }
-
-    /// A copy of [`Self::as_floats`].
-    pub fn into_floats(self) -> Vec<f32> {
-        self.as_floats().to_vec()
-    }
-
-    /// The sizes.
-    pub fn shape(&self) -> Vec<usize> {
-        let shape = self.0.dtype().tensor_shape().expect("only tensors are made");
-        shape.iter().map(|&size| size as usize).collect()
+    /// A session to be: with these providers first, one that cannot be had is an error.
+    /// `threads` 0: one for each core.
+    pub(super) fn builder(
+        &self,
+        providers: &[Provider],
+        threads: usize,
+    ) -> Result<SessionBuilder, NetworkError> {
+        let dispatches: Vec<_> =
+            providers.iter().filter_map(|provider| provider.dispatch()).collect();
+        // Idle threads must not spin: the renderer wants the cores.
+        Ok(Session::builder(&self.0)?
+            .with_execution_providers(dispatches)?
+            .with_intra_threads(threads)?
+            .with_intra_op_spinning(false)?)
     }
 }
 
@@ -195,22 +90,20 @@ pub struct Network {
     session: Session,
     inputs: Vec<(String, Declared)>,
     outputs: Vec<(String, Declared)>,
+    /// In which precision the graph takes each input.
+    kinds: Vec<Option<TensorElementType>>,
 }
 
 impl Network {
-    /// Loads a graph and checks the tensors it declares. `threads` 0: one for each core.
+    /// Loads a graph and checks the tensors it declares.
     pub(super) fn load(
-        runtime: &Runtime,
+        builder: SessionBuilder,
         bytes: &[u8],
-        threads: usize,
         inputs: Vec<(String, Declared)>,
         outputs: Vec<(String, Declared)>,
     ) -> Result<Self, NetworkError> {
-        // Idle threads must not spin: the renderer wants the cores.
-        let session = Session::builder(&runtime.0)?
-            .with_intra_threads(threads)?
-            .with_intra_op_spinning(false)?
-            .commit_from_memory(bytes)?;
+        let mut builder = builder;
+        let session = builder.commit_from_memory(bytes)?;
         for (wanted, outlets) in [(&inputs, session.inputs()), (&outputs, session.outputs())] {
             for (name, declared) in wanted {
                 let outlet = outlets.iter().find(|outlet| outlet.name() == name);
@@ -225,7 +118,12 @@ impl Network {
                 declared.check(name, outlet.dtype())?;
             }
         }
-        Ok(Self { session, inputs, outputs })
+        let kind = |(name, _): &(String, Declared)| {
+            let outlet = session.inputs().iter().find(|outlet| outlet.name() == name)?;
+            outlet.dtype().tensor_type()
+        };
+        let kinds = inputs.iter().map(kind).collect();
+        Ok(Self { session, inputs, outputs, kinds })
     }
 
     /// Names of the inputs, in order.
@@ -245,16 +143,21 @@ impl Network {
     /// # Errors
     /// [`NetworkError`] if an input or output has another type or shape than the manifest says, or
     /// if ONNX Runtime fails.
-    pub fn run(&mut self, inputs: Vec<Tensor>) -> Result<Vec<Tensor>, NetworkError> {
+    pub fn run(&mut self, inputs: &[Tensor]) -> Result<Vec<Tensor>, NetworkError> {
         assert_eq!(inputs.len(), self.inputs.len(), "a tensor for each input");
-        for ((name, declared), tensor) in self.inputs.iter().zip(&inputs) {
-            declared.check(name, tensor.0.dtype())?;
+        let mut converted = Vec::with_capacity(inputs.len());
+        for (((name, declared), &kind), tensor) in self.inputs.iter().zip(&self.kinds).zip(inputs) {
+            declared.check(name, tensor.value().dtype())?;
+            converted.push(tensor.converted(kind));
         }
         let fed: Vec<(Cow<'_, str>, SessionInputValue<'_>)> = self
             .inputs
             .iter()
-            .zip(inputs)
-            .map(|((name, _), tensor)| (Cow::from(name.as_str()), tensor.0.into()))
+            .zip(converted.iter().zip(inputs))
+            .map(|((name, _), (converted, tensor))| {
+                let value = converted.as_ref().unwrap_or(tensor).value();
+                (Cow::from(name.as_str()), value.into())
+            })
             .collect();
         let mut found = self.session.run(fed)?;
         self.outputs
@@ -262,7 +165,7 @@ impl Network {
             .map(|(name, declared)| {
                 let value = found.remove(name).expect("the graph was checked to have it");
                 declared.check(name, value.dtype())?;
-                Ok(Tensor(value))
+                Ok(Tensor::from_value(value))
             })
             .collect()
     }

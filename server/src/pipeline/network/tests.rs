@@ -154,6 +154,74 @@ fn values_that_cannot_be_are_named() {
 }
 
 #[test]
+fn one_way_from_an_image_to_codes_is_needed_and_no_second_one() {
+    let folded = "[vision]\nfile = \"vision.onnx\"\ninput = \"image\"\noutput = \"codes\"\n\
+                  grid = [72, 96]\n\n";
+    let copy = Copy::new("ways");
+    let written = copy.manifest();
+    let section = |name: &str| -> String {
+        let start = written.find(&format!("[{name}]")).expect("it has this section");
+        let length = written[start..].find("\n\n").expect("another one follows");
+        written[start..start + length + 2].to_owned()
+    };
+    let (encoder, srd) = (section("encoder"), section("srd"));
+    let compress = line(&copy, "encoder={");
+    let cases = [
+        (written.replace("[encoder]", &format!("{folded}[encoder]")), "vision", "both"),
+        (written.replace(&encoder, ""), "encoder", "none"),
+        (written.replace(&srd, ""), "srd", "none"),
+        (written.replace(&compress, ""), "compressor.encoder", "none"),
+    ];
+    for (manifest, key, found) in cases {
+        std::fs::write(copy.0.join("manifest.toml"), manifest).unwrap();
+        let found = format!("found {found}");
+        assert_says(&copy.error(), &[&format!("{key}: expected [vision], or [encoder]"), &found]);
+    }
+    // Negative control: with the one way alone, it is the file that is missing.
+    let alone = written.replace(&encoder, folded).replace(&srd, "").replace(&compress, "");
+    std::fs::write(copy.0.join("manifest.toml"), alone).unwrap();
+    assert_says(&copy.error(), &["sha256", "vision.onnx", "none"]);
+    std::fs::write(copy.0.join("manifest.toml"), &written).unwrap();
+    assert_eq!(copy.error(), "");
+}
+
+#[test]
+fn networks_of_another_feature_size_are_refused() {
+    let copy = Copy::new("size");
+    let entry = line(&copy, "feature_size=");
+    copy.rewrite(&entry, "feature_size = 768");
+    assert_says(&copy.error(), &["srd.onnx", "features", "768, 72, 96]", "384, 72, 96]"]);
+}
+
+/// With these providers, and the library that `make deps` got.
+fn loaded(providers: &[Provider]) -> Result<Bundle, BundleError> {
+    Bundle::load(&LanguageConfig { providers: providers.to_vec(), ..LanguageConfig::default() })
+}
+
+#[test]
+fn what_the_library_lacks_is_an_error_unless_the_cpu_will_do() {
+    for missing in [Provider::Cuda, Provider::TensorRt, Provider::WebGpu] {
+        let Err(error) = loaded(&[missing]) else {
+            panic!("the library of `make deps` has no {missing:?}");
+        };
+        assert_says(&error.to_string(), &["language.providers", missing.name(), "built without"]);
+        assert!(loaded(&[missing, Provider::Cpu]).is_ok());
+    }
+    let Err(error) = loaded(&[]) else { panic!("nothing to run on") };
+    assert_says(&error.to_string(), &["language.providers", "at least one", "webgpu"]);
+}
+
+#[test]
+fn providers_are_written_as_they_are_said() {
+    let read = |text: &str| toml::from_str::<LanguageConfig>(text);
+    let all = read("providers = [\"tensorrt\", \"cuda\", \"webgpu\", \"cpu\"]").unwrap();
+    let names: Vec<&str> = all.providers.iter().map(|provider| provider.name()).collect();
+    assert_eq!(names, ["tensorrt", "cuda", "webgpu", "cpu"]);
+    let error = read("providers = [\"gpu\"]").unwrap_err().to_string();
+    assert_says(&error, &["gpu", "cuda", "webgpu"]);
+}
+
+#[test]
 fn words_of_one_meaning_are_near() {
     let (_, mut text) = Bundle::load(&LanguageConfig::default()).expect("it loads").split();
     let mut embed = |word: &str| text.tower.embed(word).expect("it runs");

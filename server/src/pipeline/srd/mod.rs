@@ -14,12 +14,11 @@ impl SuperResolution {
         Self { network }
     }
 
-    /// The encoder's outputs, in the manifest's order, to `[1, D, grid height, grid width]`, unit
-    /// length over D.
+    /// The encoder's outputs, in the manifest's order, to `[1, D, grid height, grid width]`.
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
-    pub fn upsample(&mut self, coarse_and_skips: Vec<Tensor>) -> Result<Tensor, NetworkError> {
-        Ok(self.network.run(coarse_and_skips)?.swap_remove(0))
+    pub fn upsample(&mut self, coarse_and_skips: &[Tensor]) -> Result<[Tensor; 1], NetworkError> {
+        Ok([self.network.run(coarse_and_skips)?.swap_remove(0)])
     }
 }

@@ -3,10 +3,16 @@
 //! The first keyframes train it for some hundred steps; then each keyframe gets one step, and so do
 //! a few earlier ones, drawn at random, against forgetting. A bounded sample of every keyframe is
 //! kept, of at most [`KEPT_KEYFRAMES`] keyframes.
+//!
+//! Every step moves the code space a little. Codes follow it by the affine map that takes the kept
+//! samples' old codes to their new ones, which is all but the curvature of that move. Decoding and
+//! encoding again would lose what the network loses, anew at every step.
 
+mod follow;
 mod net;
 
 use super::{CompressorConfig, GENERIC, OnlineStage};
+use follow::AffineMap;
 use net::{Adam, Net};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -18,6 +24,8 @@ const SAMPLED_CODES: usize = 1024;
 /// Keyframes of which a sample is kept; later ones replace random earlier ones (reservoir
 /// sampling).
 const KEPT_KEYFRAMES: usize = 256;
+/// Kept codes that say how the code space has moved.
+const FOLLOWED_CODES: usize = 4096;
 /// Rows that one core encodes or decodes at a time.
 const BATCH: usize = 2048;
 
@@ -66,6 +74,14 @@ impl Mlp {
         self.step(&sample);
     }
 
+    /// At most [`FOLLOWED_CODES`] rows `[n, 32]`, evenly from all that is kept.
+    fn samples(&self) -> Vec<f32> {
+        let rows: usize = self.kept.iter().map(|sample| sample.len() / GENERIC).sum();
+        let stride = rows.div_ceil(FOLLOWED_CODES).max(1);
+        let kept = self.kept.iter().flat_map(|sample| sample.chunks_exact(GENERIC));
+        kept.step_by(stride).flatten().map(|&value| value as f32).collect()
+    }
+
     /// Every keyframe so far stays with the same probability.
     fn keep(&mut self, sample: Arc<[f64]>) {
         if self.kept.len() < KEPT_KEYFRAMES {
@@ -94,14 +110,15 @@ impl OnlineStage for Mlp {
             return false;
         }
         self.keyframes += 1;
-        self.keep(sample.clone());
         self.step(&sample);
-        let replays = if self.keyframes <= self.initial_keyframes {
-            (self.initial_steps / self.initial_keyframes).saturating_sub(1)
+        if self.keyframes <= self.initial_keyframes {
+            self.keep(sample);
+            let steps = self.initial_steps / self.initial_keyframes;
+            (1..steps).for_each(|_| self.replay());
         } else {
-            self.replayed
-        };
-        (0..replays).for_each(|_| self.replay());
+            (0..self.replayed).for_each(|_| self.replay());
+            self.keep(sample);
+        }
         self.version += 1;
         true
     }
@@ -112,6 +129,15 @@ impl OnlineStage for Mlp {
 
     fn decode(&self, codes: &[f32]) -> Vec<f32> {
         in_batches(codes, self.code_size(), |batch| self.net.decode(batch))
+    }
+
+    fn carried(&self, old: &dyn OnlineStage, codes: &[f32]) -> Vec<f32> {
+        let samples = self.samples();
+        let (from, to) = (old.encode(&samples), self.encode(&samples));
+        match AffineMap::fit(self.code_size(), &from, &to) {
+            Some(map) => map.apply(codes),
+            None => self.encode(&old.decode(codes)),
+        }
     }
 
     fn boxed_clone(&self) -> Box<dyn OnlineStage> {

@@ -1,0 +1,211 @@
+//! `manifest.toml` as it is written, and the checks that make a [`Manifest`] of it.
+//!
+//! An image becomes codes in one graph (`[vision]`) or in three (`[encoder]`, `[srd]` and
+//! `compressor.encoder`): exactly one of the two is there.
+
+use super::super::super::compressor::GENERIC;
+use super::{GraphSpec, ImageSpec, Manifest, ManifestError, RelevancySpec, TextSpec, VisionSpec};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// Names of token inputs that a text tower may have.
+const TOKEN_INPUTS: [&str; 3] = ["input_ids", "attention_mask", "token_type_ids"];
+/// What says how an image becomes codes.
+const VISION: &str = "[vision], or [encoder], [srd] and compressor.encoder";
+
+/// The file as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Written {
+    name: String,
+    version: String,
+    licence: String,
+    feature_size: usize,
+    code_size: usize,
+    image: ImageSpec,
+    vision: Option<WrittenVision>,
+    encoder: Option<WrittenEncoder>,
+    srd: Option<WrittenSrd>,
+    compressor: WrittenCompressor,
+    text: WrittenText,
+    relevancy: RelevancySpec,
+    sha256: BTreeMap<String, String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenVision {
+    file: String,
+    input: String,
+    output: String,
+    grid: [usize; 2],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenEncoder {
+    file: String,
+    input: String,
+    outputs: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenSrd {
+    file: String,
+    inputs: Vec<String>,
+    output: String,
+    grid: [usize; 2],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenCompressor {
+    encoder: Option<WrittenGraph>,
+    decoder: WrittenGraph,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenGraph {
+    file: String,
+    input: String,
+    output: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenText {
+    file: String,
+    tokenizer: String,
+    inputs: Vec<String>,
+    output: String,
+    max_tokens: usize,
+}
+
+impl From<WrittenGraph> for GraphSpec {
+    fn from(written: WrittenGraph) -> Self {
+        let WrittenGraph { file, input, output } = written;
+        Self { file, inputs: vec![input], outputs: vec![output] }
+    }
+}
+
+impl Written {
+    /// The manifest, if its values make sense together.
+    pub(super) fn checked(self) -> Result<Manifest, ManifestError> {
+        self.check_values()?;
+        let (vision, grid) = vision(self.vision, self.encoder, self.srd, self.compressor.encoder)?;
+        let WrittenText { file, tokenizer, inputs, output, max_tokens } = self.text;
+        let graph = GraphSpec { file, inputs, outputs: vec![output] };
+        Ok(Manifest {
+            name: self.name,
+            version: self.version,
+            licence: self.licence,
+            feature_size: self.feature_size,
+            image: self.image,
+            vision,
+            grid,
+            decoder: self.compressor.decoder.into(),
+            text: TextSpec { graph, tokenizer, max_tokens },
+            relevancy: self.relevancy,
+            sha256: self.sha256,
+        })
+    }
+
+    fn check_values(&self) -> Result<(), ManifestError> {
+        let image = &self.image;
+        let relevancy = &self.relevancy;
+        let fraction = |value: f32| (0.0..=1.0).contains(&value);
+        require(self.code_size == GENERIC, "code_size", "32", self.code_size)?;
+        require(self.feature_size > 0, "feature_size", "more than 0", self.feature_size)?;
+        require(image.width > 0, "image.width", "more than 0", image.width)?;
+        require(image.height > 0, "image.height", "more than 0", image.height)?;
+        let finite = image.mean.iter().all(|value| value.is_finite());
+        require(finite, "image.mean", "finite numbers", format!("{:?}", image.mean))?;
+        let positive = image.std.iter().all(|&value| value.is_finite() && value > 0.0);
+        require(positive, "image.std", "numbers above 0", format!("{:?}", image.std))?;
+        for input in &self.text.inputs {
+            let known = TOKEN_INPUTS.contains(&input.as_str());
+            require(known, "text.inputs", format!("some of {TOKEN_INPUTS:?}"), input)?;
+        }
+        let has_tokens = self.text.inputs.iter().any(|input| input == TOKEN_INPUTS[0]);
+        require(has_tokens, "text.inputs", TOKEN_INPUTS[0], "none")?;
+        // Two of a text's tokens are its ends.
+        require(self.text.max_tokens > 2, "text.max_tokens", "more than 2", self.text.max_tokens)?;
+        let temperature = relevancy.temperature;
+        require(
+            temperature.is_finite() && temperature > 0.0,
+            "relevancy.temperature",
+            "more than 0",
+            temperature,
+        )?;
+        require(!relevancy.negatives.is_empty(), "relevancy.negatives", "at least 1", 0)?;
+        let threshold = relevancy.threshold;
+        require(fraction(threshold), "relevancy.threshold", "0 to 1", threshold)?;
+        let present = relevancy.present_threshold.unwrap_or(threshold);
+        require(fraction(present), "relevancy.present_threshold", "0 to 1", present)?;
+        let steepness = relevancy.confidence_steepness.unwrap_or(1.0);
+        require(
+            steepness.is_finite() && steepness > 0.0,
+            "relevancy.confidence_steepness",
+            "more than 0",
+            steepness,
+        )
+    }
+}
+
+/// How an image becomes codes, and the rows and columns of these.
+fn vision(
+    folded: Option<WrittenVision>,
+    encoder: Option<WrittenEncoder>,
+    srd: Option<WrittenSrd>,
+    compressor: Option<WrittenGraph>,
+) -> Result<(VisionSpec, [usize; 2]), ManifestError> {
+    let wrong = |key, found: &str| ManifestError::Value {
+        key,
+        expected: VISION.into(),
+        found: found.into(),
+    };
+    let (spec, grid, key) = match (folded, encoder, srd, compressor) {
+        (Some(folded), None, None, compressor) => {
+            let WrittenVision { file, input, output, grid } = folded;
+            let graph = GraphSpec { file, inputs: vec![input], outputs: vec![output] };
+            let compressor = compressor.map(GraphSpec::from);
+            (VisionSpec::Folded { graph, compressor }, grid, "vision.grid")
+        }
+        (None, Some(encoder), Some(srd), Some(compressor)) => {
+            let (fed, wanted) = (encoder.outputs.len(), srd.inputs.len());
+            require(
+                fed == wanted && fed > 0,
+                "srd.inputs",
+                format!("as many as encoder.outputs: {fed}, at least 1"),
+                wanted,
+            )?;
+            let WrittenEncoder { file, input, outputs } = encoder;
+            let encoder = GraphSpec { file, inputs: vec![input], outputs };
+            let WrittenSrd { file, inputs, output, grid } = srd;
+            let srd = GraphSpec { file, inputs, outputs: vec![output] };
+            let stages = VisionSpec::Stages { encoder, srd, compressor: compressor.into() };
+            (stages, grid, "srd.grid")
+        }
+        (Some(_), ..) => return Err(wrong("vision", "both")),
+        (None, None, ..) => return Err(wrong("encoder", "none")),
+        (None, _, None, _) => return Err(wrong("srd", "none")),
+        (None, _, _, None) => return Err(wrong("compressor.encoder", "none")),
+    };
+    let [rows, columns] = grid;
+    require(rows > 0 && columns > 0, key, "rows and columns above 0", rows.min(columns))?;
+    Ok((spec, grid))
+}
+
+fn require(
+    holds: bool,
+    key: &'static str,
+    expected: impl ToString,
+    found: impl ToString,
+) -> Result<(), ManifestError> {
+    if holds {
+        return Ok(());
+    }
+    Err(ManifestError::Value { key, expected: expected.to_string(), found: found.to_string() })
+}
