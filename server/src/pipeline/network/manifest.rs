@@ -105,6 +105,9 @@ pub enum ChannelOrder {
 pub struct RelevancySpec {
     /// Factor on cosines before the softmax.
     pub temperature: f32,
+    /// Subtracted from the softmax's logit, so that what belongs to a word begins at 0.5.
+    #[serde(default)]
+    pub bias: f32,
     /// Relevancy above which something counts.
     pub threshold: f32,
     /// What everything is compared with.
@@ -332,6 +335,7 @@ impl Written {
             "more than 0",
             temperature,
         )?;
+        require(relevancy.bias.is_finite(), "relevancy.bias", "a finite number", relevancy.bias)?;
         require(!relevancy.negatives.is_empty(), "relevancy.negatives", "at least 1", 0)?;
         let threshold = relevancy.threshold;
         require(fraction(threshold), "relevancy.threshold", "0 to 1", threshold)?;

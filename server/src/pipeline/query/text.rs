@@ -2,7 +2,7 @@
 
 use super::super::network::{NetworkError, RelevancySpec, TextTower};
 use super::QueryError;
-use super::relevancy::Comparison;
+use super::relevancy::{Comparison, Scale};
 use super::request::{MAX_NEGATIVES, MAX_TEXT_BYTES, Query};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -37,8 +37,9 @@ impl Words {
             .iter()
             .map(|negative| Ok(self.embedding(checked("negatives", negative)?)?))
             .collect::<Result<_, QueryError>>()?;
-        let temperature = self.relevancy.temperature;
-        Ok(Comparison::new(temperature, &text, negatives.iter().map(|negative| &negative[..])))
+        let RelevancySpec { temperature, bias, .. } = self.relevancy;
+        let scale = Scale { temperature, bias };
+        Ok(Comparison::new(scale, &text, negatives.iter().map(|negative| &negative[..])))
     }
 
     fn embedding(&mut self, text: &str) -> Result<Arc<[f32]>, NetworkError> {
