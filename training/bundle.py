@@ -23,7 +23,6 @@ from data import STRIDE
 from evaluate import Bundle
 from text import INPUTS, MAX_TOKENS
 
-NEGATIVES = ["object", "things", "stuff", "texture"]
 FILES = ["encoder.onnx", "srd.onnx", "compress.onnx", "decompress.onnx", "text.onnx",
          "tokenizer.json"]
 MANIFEST = """\
@@ -65,6 +64,7 @@ max_tokens = {tokens}
 
 [relevancy]
 temperature = {temperature}
+bias = {bias}
 threshold = {threshold}
 negatives = {negatives}
 present_threshold = {present}
@@ -106,7 +106,8 @@ def write_manifest(out, args):
         name=out.name, version=args.version, feature=networks.FEATURE, code=CODE, width=width,
         height=height, mean=networks.MEAN, std=networks.STD, rows=height // STRIDE,
         columns=width // STRIDE, inputs=quoted(INPUTS), tokens=MAX_TOKENS,
-        temperature=args.temperature, threshold=args.threshold, negatives=quoted(NEGATIVES),
+        temperature=args.temperature, bias=args.bias,
+        threshold=args.threshold, negatives=quoted(networks.NEGATIVES),
         present=args.present, checksums=checksums))
 
 
@@ -139,6 +140,7 @@ def main():
     parser.add_argument("--compressor", type=Path, required=True, help="written by compressor.py")
     parser.add_argument("--version", default="1")
     parser.add_argument("--temperature", type=float, default=10.0)
+    parser.add_argument("--bias", type=float, default=0.0, help="of the relevancy's logit")
     parser.add_argument("--threshold", type=float, default=0.5)
     parser.add_argument("--present", type=float, default=0.0, help="peak that means 'present'")
     parser.add_argument("--out", type=Path, required=True)

@@ -1,16 +1,19 @@
 """Image encoder and super-resolution decoder (SRD): pixels to a unit language feature per pixel.
 
-In:  labelled frames (--frames FOLDER, repeatable), photographs (--photos), the MobileNetV2 TFLite
-     file (--backbone), the folder of the text tower (--text), a vocabulary for synonyms.
+In:  labelled frames (--frames GLOB or GLOB=WEIGHT, repeatable), photographs (--photos) and a
+     segmentation network for them (--segmenter), the MobileNetV2 TFLite file (--backbone), the
+     folder of the text tower (--text), a vocabulary for synonyms.
 Out: encoder.pt (weights of both networks), and with --export encoder.onnx and srd.onnx.
 
 Paper section 4.1: a coarse language map and two skip levels from the encoder; the SRD
 doubles the resolution twice, each time fusing a skip through an attention gate. Loss
-0.8 (1 - cos) + L1 + 0.01 TV against the text embedding of each pixel's word, and (not in the
-paper) a contrastive term that tells the word from the other words of the training set.
+0.8 (1 - cos) + L1 + 0.01 TV against the text embedding of each pixel's word, and two terms that
+the paper does not have: one tells the word from all other words of the training set, one fits the
+relevancy itself (`Asked`).
 """
 
 import argparse
+import glob
 import time
 from pathlib import Path
 
@@ -28,6 +31,7 @@ SEED = 20
 FEATURE = 384
 MEAN, STD = 127.5, 127.5
 SHAPE = (288, 384)
+NEGATIVES = ["object", "things", "stuff", "texture"]
 
 
 def unit(x):
@@ -115,11 +119,40 @@ class Srd(nn.Module):
         return unit(F.linear(rows, self.leave.weight[:, :, 0, 0], self.leave.bias))
 
 
-class Loss:
-    """The paper's loss and the contrastive term, on a random subset of the labelled pixels."""
+class Asked(nn.Module):
+    """What the map will be asked: is this pixel the word? Cross-entropy of the relevancy itself.
 
-    def __init__(self, table, random, samples=3000, temperature=0.06):
-        self.table, self.random = table, random
+    logit = scale (f.q - max f.n) - offset, n the bundle's negatives; scale and offset are learned.
+    Words whose embedding lies within `near` of the pixel's own are neither right nor wrong.
+    """
+
+    def __init__(self, table, negatives, near=0.62, others=96):
+        super().__init__()
+        self.table, self.negatives, self.others = table, negatives, others
+        self.alike = table @ table.T > near
+        self.scale = nn.Parameter(torch.tensor(9.0))
+        self.offset = nn.Parameter(torch.tensor(4.0))
+
+    def forward(self, found, word):
+        present = word.unique()
+        count = min(self.others, len(self.table))
+        asked = torch.cat([present, torch.randperm(len(self.table))[:count]]).unique()
+        against = (found @ self.negatives.T).max(1, keepdim=True).values
+        logit = self.scale * (found @ self.table[asked].T - against) - self.offset
+        right = word[:, None] == asked
+        wrong = ~self.alike[word][:, asked]
+        hits = F.softplus(-logit[right]).mean()
+        misses = F.softplus(logit) * wrong
+        # absent words are many and easy: those in the batch count as much as all the others
+        inside = torch.isin(asked, present)
+        return hits + misses[:, inside].sum(1).mean() + misses[:, ~inside].mean() * 20
+
+
+class Loss:
+    """The paper's loss, the contrastive and the asked term, on some of the labelled pixels."""
+
+    def __init__(self, table, asked, random, samples=3000, temperature=0.06):
+        self.table, self.asked, self.random = table, asked, random
         self.samples, self.temperature = samples, temperature
 
     def pixels(self, weight):
@@ -133,7 +166,9 @@ class Loss:
         """0.8 (1 - cos) + L1 + contrast against all words; and (cosine, contrast) to show."""
         wanted = self.table[word]
         cosine = (found * wanted).sum(1).mean()
-        contrast = F.cross_entropy(found @ self.table.T / self.temperature, word)
+        logits = found @ self.table.T / self.temperature
+        alike = self.asked.alike[word].scatter(1, word[:, None], False)
+        contrast = F.cross_entropy(logits.masked_fill(alike, -1e4), word)
         value = 0.8 * (1 - cosine) + (found - wanted).abs().mean() + contrast_weight * contrast
         return value, cosine.item(), contrast.item()
 
@@ -148,7 +183,9 @@ class Loss:
         below = srd.at(hidden, image[few], (y[few] + 1).clamp_max(hidden.shape[2] - 1), x[few])
         variation = (right - found[few]).abs().mean() + (below - found[few]).abs().mean()
         rough = unit(rows_at(maps[0], image, y // 4, x // 4))
-        return value + 0.01 * variation + 0.3 * self.term(rough, word)[0], *shown
+        asked = self.asked(found, word)
+        value = value + 0.01 * variation + 0.3 * self.term(rough, word)[0] + 0.25 * asked
+        return value, *shown, asked.item()
 
 
 def activation(trunk, classifier):
@@ -169,11 +206,19 @@ def activation(trunk, classifier):
 
 def load_scenes(args, words, heat):
     """All frames and photographs in memory, as random training crops."""
-    frames = [frame for folder in args.frames
-              for frame in data.read_frames(folder, words, args.skip_box)]
-    maps = args.out / "photos.npy"
-    photos = list(data.read_photos(args.photos, words, heat, maps)) if args.photos else []
-    print(f"{len(frames)} frames, {len(photos)} photographs, {len(words.names)} words")
+    frames = []
+    for pattern in args.frames:
+        pattern, _, weight = pattern.partition("=")
+        folders = sorted(glob.glob(pattern))
+        some = [f for folder in folders for f in data.read_frames(folder, words, args.skip_box)]
+        print(f"{pattern}: {len(some)} frames in {len(folders)} folders")
+        frames.append((float(weight or 1), some))
+    photos = []
+    if args.photos:
+        caches = args.out / "photos.npy", args.out / "segments.npy"
+        segment = data.segmenter(args.segmenter)
+        photos = list(data.read_photos(args.photos, words, heat, segment, caches))
+    print(f"{len(photos)} photographs, {len(words.names)} words")
     return data.Scenes(frames, photos, words, (320, 224), args.photo_share, SEED)
 
 
@@ -186,15 +231,23 @@ def parameters(encoder, srd, rate):
     return [{"params": trunk, "lr": rate * 0.15}, {"params": fresh + list(srd.parameters())}]
 
 
+def save(encoder, srd, loss, words, path):
+    """The weights, the words, and the scale and offset that the relevancy was fitted with."""
+    asked = loss.asked.scale.item(), loss.asked.offset.item()
+    torch.save({"encoder": encoder.state_dict(), "srd": srd.state_dict(), "words": words,
+                "asked": asked}, path)
+
+
 def train(encoder, srd, loss, scenes, args):
-    """AdamW with a one-cycle rate; stops after --minutes; the last 30 % run at full resolution."""
-    optimiser = torch.optim.AdamW(parameters(encoder, srd, args.rate), lr=args.rate,
-                                  weight_decay=1e-4)
+    """AdamW with a one-cycle rate; stops after --minutes or --steps; the last 30 % run at full
+    resolution; the weights are saved every 200 steps."""
+    groups = [*parameters(encoder, srd, args.rate), {"params": list(loss.asked.parameters())}]
+    optimiser = torch.optim.AdamW(groups, lr=args.rate, weight_decay=1e-4)
     rates = [group["lr"] for group in optimiser.param_groups]
     started, limit, step = time.time(), args.minutes * 60, 0
-    with tqdm(total=round(limit), unit="s") as bar:
+    with tqdm(total=round(limit), unit="s", mininterval=10) as bar:
         for image, word, weight in data.batches(scenes, args.batch):
-            done = (time.time() - started) / limit
+            done = step / args.steps if args.steps else (time.time() - started) / limit
             if done >= 1:
                 return step
             scenes.size = SHAPE[::-1] if done > 0.7 else (320, 224)
@@ -206,14 +259,17 @@ def train(encoder, srd, loss, scenes, args):
                 continue
             image = ((image - MEAN) / STD).contiguous(memory_format=torch.channels_last)
             with torch.autocast("cpu", torch.bfloat16):
-                value, cosine, contrast = loss(srd, encoder(image), word, weight)
+                value, cosine, contrast, asked = loss(srd, encoder(image), word, weight)
             optimiser.zero_grad()
             value.backward()
             nn.utils.clip_grad_norm_([p for g in optimiser.param_groups for p in g["params"]], 2.0)
             optimiser.step()
             step += 1
+            if step % 200 == 0:
+                save(encoder, srd, loss, scenes.words.names, args.out / "encoder.pt")
             bar.update(int(time.time() - started) - bar.n)
-            bar.set_postfix(step=step, cosine=f"{cosine:.3f}", contrast=f"{contrast:.2f}")
+            bar.set_postfix(step=step, cosine=f"{cosine:.3f}", contrast=f"{contrast:.2f}",
+                            asked=f"{asked:.2f}")
 
 
 def export(encoder, srd, folder):
@@ -241,16 +297,20 @@ def load(path):
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=Path, action="append", default=[], help="labelled folder")
+    parser.add_argument("--frames", action="append", default=[], metavar="GLOB[=WEIGHT]",
+                        help="labelled folders; a frame is drawn in proportion to its weight")
     parser.add_argument("--skip-box", type=float, nargs=4, metavar=("X0", "Y0", "X1", "Y1"),
                         help="leave out views taken inside this box (metres)")
     parser.add_argument("--photos", type=Path, help="folder of photographs named ID_CLASS.jpg")
     parser.add_argument("--photo-share", type=float, default=0.25)
+    parser.add_argument("--segmenter", type=Path, help="DeepLabV3 TFLite file (Pascal VOC)")
+    parser.add_argument("--held-out", nargs="*", default=[], help="words that must not be learned")
     parser.add_argument("--backbone", type=Path, required=True, help="MobileNetV2 TFLite file")
     parser.add_argument("--text", type=Path, required=True, help="folder with text.onnx")
     parser.add_argument("--vocabulary", type=Path, help="nouns.json, for synonyms")
     parser.add_argument("--start", type=Path, help="continue from this encoder.pt")
     parser.add_argument("--minutes", type=float, default=20)
+    parser.add_argument("--steps", type=int, help="instead of --minutes")
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--rate", type=float, default=1.5e-3)
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
@@ -259,18 +319,18 @@ def main():
     torch.set_num_threads(2)
     args.out.mkdir(parents=True, exist_ok=True)
     trunk, classifier = load_mobilenet(args.backbone)
-    words = data.Words(args.vocabulary)
+    words = data.Words(args.vocabulary, args.held_out)
     scenes = load_scenes(args, words, activation(trunk, classifier))
-    table = torch.from_numpy(TextEncoder(args.text, args.out / "texts.npz")(words.names))
+    tower = TextEncoder(args.text, args.out / "texts.npz")
+    table, negatives = torch.from_numpy(tower(words.names)), torch.from_numpy(tower(NEGATIVES))
     encoder, srd = load(args.start) if args.start else (Encoder(), Srd())
     if not args.start:
         encoder.trunk.load_state_dict(trunk.state_dict())
     encoder.train().to(memory_format=torch.channels_last)
     srd.train().to(memory_format=torch.channels_last)
-    loss = Loss(table, torch.Generator().manual_seed(SEED))
+    loss = Loss(table, Asked(table, negatives), torch.Generator().manual_seed(SEED))
     steps = train(encoder, srd, loss, scenes, args)
-    state = {"encoder": encoder.state_dict(), "srd": srd.state_dict(), "words": words.names}
-    torch.save(state, args.out / "encoder.pt")
+    save(encoder, srd, loss, words.names, args.out / "encoder.pt")
     export(encoder.to(memory_format=torch.contiguous_format),
            srd.to(memory_format=torch.contiguous_format), args.out)
     print(f"{steps} steps of {args.batch}; wrote {args.out}")

@@ -1,10 +1,12 @@
 """Per-pixel evaluation of a bundle: does the word find its object in frames never trained on?
 
-In:  a bundle folder (manifest.toml and ONNX files) and labelled frames; or plain images (--images)
-     with --queries, for heat maps only.
+In:  a bundle folder (manifest.toml and ONNX files) and labelled frames (--frames), photographs
+     named ID_CLASS.jpg (--photos), or plain images (--images) with --queries, for heat maps only.
 Out: Loc (the peak of the relevancy lies inside the object), IoU at the bundle's threshold, the
      same for the paper's protocol (section 4: box-filtered, min-max normalised), the level that
-     chance reaches, the confusions, and heat maps as PNG (--pictures).
+     chance reaches, the confusions, heat maps as PNG (--pictures); the same for words of no
+     training image (--held-out) and for phrases of PHRASES (--phrases); with --fit the
+     temperature and bias of the relevancy that the frames ask for.
 
 Everything runs through the exported graphs: image -> encoder -> SRD -> 32-D codes -> decoder ->
 relevancy against the bundle's negatives.
@@ -22,6 +24,31 @@ from PIL import Image
 
 import data
 from text import TextEncoder
+
+
+# Other ways to say a word of the frames. None was a word or a synonym in training.
+PHRASES = {
+    "sofa": ["settee", "something soft to sit on with friends"],
+    "bed": ["a place to sleep", "mattress"],
+    "chair": ["something to sit on", "seat"],
+    "trash can": ["something to throw rubbish in", "waste basket"],
+    "television": ["telly", "something to watch films on"],
+    "tv screen": ["telly", "something to watch films on"],
+    "curtain": ["drapes", "cloth in front of the window"],
+    "refrigerator": ["fridge", "where the food is kept cold"],
+    "wardrobe": ["closet", "where the clothes hang"],
+    "nightstand": ["bedside table", "little cabinet next to the bed"],
+    "desk": ["writing table", "where one works"],
+    "air conditioner": ["ac unit", "something that cools the room"],
+    "picture": ["painting", "something that decorates the wall"],
+    "carpet": ["mat on the floor", "rug on the ground"],
+    "window": ["where daylight comes in"],
+    "door": ["where one leaves the room"],
+    "lamp": ["light fixture", "something that gives light"],
+    "mug": ["something to drink coffee from"],
+    "book": ["something to read"],
+    "potted plant": ["houseplant"],
+}
 
 
 class Bundle:
@@ -60,10 +87,14 @@ class Bundle:
 
     def relevancy(self, features, words):
         """[words, h, w]: the least of the pairwise softmaxes against the negatives."""
-        heat = self.manifest["relevancy"]["temperature"]
+        m = self.manifest["relevancy"]
+        logit = m["temperature"] * self.margin(features, words) - m.get("bias", 0.0)
+        return 1 / (1 + np.exp(-logit))
+
+    def margin(self, features, words):
+        """[words, h, w]: how much nearer a feature is to the word than to a negative (cosines)."""
         against = (features @ self.negatives.T).max(-1)
-        wanted = features @ self.text(words).T
-        return 1 / (1 + np.exp(heat * (against[..., None] - wanted))).transpose(2, 0, 1)
+        return (features @ self.text(words).T - against[..., None]).transpose(2, 0, 1)
 
 
 def box(image, size):
@@ -101,30 +132,36 @@ def picture(image, heats, words, path):
 
 
 def score(bundle, image, label, names, asked):
-    """Per word asked in this frame: (Loc, Loc smoothed, IoU, IoU by the paper, chance, top word)."""
+    """Per (word, text) asked: the text and its row of scores, and what the word is taken for."""
     features, direct = bundle.features(image)
     h, w = features.shape[:2]
     label = data.resize(label.astype(np.int32), w, h, Image.Resampling.NEAREST)
-    maps = bundle.relevancy(features, asked)
+    maps = bundle.relevancy(features, [text for _, text in asked])
     best = np.argmax(features @ bundle.text(names).T, -1)
-    for word, heat in zip(asked, maps):
+    for (word, text), heat in zip(asked, maps):
         mask = label == names.index(word)
         peak = mask.flat[heat.argmax()]
         smooth = box(heat, 5)
         mixed = (heat + smooth) / 2
         scaled = (mixed - mixed.min()) / max(np.ptp(mixed), 1e-6)
         guess = Counter(best[mask].tolist()).most_common(1)[0][0]
-        yield word, np.array([
+        yield text, np.array([
             peak, mask.flat[smooth.argmax()],
             iou(heat > bundle.manifest["relevancy"]["threshold"], mask), iou(scaled > 0.75, mask),
             mask.mean(), heat.max(), (features * direct).sum(-1)[mask].mean(),
         ]), names[guess]
 
 
+def frames_of(folder, words, every):
+    """Every n-th frame of a labelled folder, or of all labelled folders in it."""
+    folders = [folder] if (folder / "traj.txt").exists() else sorted(folder.iterdir())
+    return [f for one in folders for f in data.read_frames(one, words)][::every]
+
+
 def evaluate(bundle, folder, args):
     """Scores of one folder, per word and overall."""
     words = data.Words()
-    frames = list(data.read_frames(folder, words))[::args.every]
+    frames = frames_of(folder, words, args.every)
     rows, guesses = defaultdict(list), defaultdict(Counter)
     absent = []
     for number, (image, label) in enumerate(frames):
@@ -132,9 +169,10 @@ def evaluate(bundle, folder, args):
         asked = [words.names[k] for k in np.flatnonzero(seen > args.least * label.size)]
         if not asked:
             continue
-        for word, values, guess in score(bundle, image, label, words.names, asked):
-            rows[word].append(values)
-            guesses[word][guess] += 1
+        pairs = [(w, text) for w in asked for text in (PHRASES.get(w, []) if args.phrases else [w])]
+        for text, values, guess in score(bundle, image, label, words.names, pairs):
+            rows[text].append(values)
+            guesses[text][guess] += 1
         features = bundle.features(image)[0]
         missing = [words.names[k] for k in np.flatnonzero(seen == 0)]
         if missing:
@@ -152,11 +190,66 @@ def evaluate(bundle, folder, args):
     classes = np.array([np.mean(v, 0) for v in rows.values()])
     peaks = np.concatenate([[v[5] for v in values] for values in rows.values()])
     report("all", table.mean(0))
-    report("mean of words", classes.mean(0))
+    report("mean of texts", classes.mean(0))
+    held = np.array([text in args.held_out for text in rows])
+    if held.any():
+        report("mean of held-out words", classes[held].mean(0))
+        report("mean of the other words", classes[~held].mean(0))
+    most = sorted(range(len(rows)), key=lambda k: -len(list(rows.values())[k]))[:10]
+    report("the ten most frequent", classes[most].mean(0))
     print(f"classes with Loc >= 0.5: {(classes[:, 0] >= 0.5).mean():.2f}; "
           f"peak when present: median {np.median(peaks):.2f}, when absent: "
           f"median {np.median(absent or [0]):.2f}, 90 % quantile {np.quantile(absent or [0], .9):.2f}")
     return classes.mean(0)
+
+
+def fit(bundle, folders, args):
+    """Temperature and bias: logistic regression of "pixel belongs to the word" on the margin, in
+    which both sides weigh the same; then the bias at which IoU at 0.5 is best, word by word."""
+    margins, owned, groups = [], [], []
+    for folder in folders:
+        words = data.Words()
+        for image, label in frames_of(folder, words, args.every):
+            seen = np.bincount(label[label >= 0], minlength=len(words.names))
+            features = bundle.features(image)[0]
+            label = data.resize(label.astype(np.int32), *features.shape[1::-1],
+                                Image.Resampling.NEAREST)
+            asked = np.flatnonzero(seen > args.least * label.size)
+            for k, margin in zip(asked, bundle.margin(features, [words.names[k] for k in asked])):
+                margins.append(margin.ravel())
+                owned.append(label.ravel() == k)
+                groups.append(words.names[k])
+    x, y = np.concatenate(margins), np.concatenate(owned)
+    weight = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
+    a, b = 8.0, 0.0
+    for _ in range(50):  # Newton's method
+        p = 1 / (1 + np.exp(-(a * x - b)))
+        slope, curve = weight * (p - y), weight * p * (1 - p)
+        hessian = [[(curve * x * x).sum(), -(curve * x).sum()], [-(curve * x).sum(), curve.sum()]]
+        a, b = np.array([a, b]) - np.linalg.solve(hessian, [(slope * x).sum(), -slope.sum()])
+    cuts = np.linspace(0, 0.8, 81)
+    table = defaultdict(list)
+    for margin, own, word in zip(margins, owned, groups):
+        table[word].append([iou(margin > cut, own) for cut in cuts])
+    mean = np.mean([np.mean(rows, 0) for rows in table.values()], 0)
+    best = cuts[mean.argmax()]
+    print(f"logistic fit: temperature {a:.2f}, bias {b:.2f} (one half at margin {b / a:.3f}); IoU "
+          f"is best, {mean.max():.3f}, at margin {best:.2f}: bias {a * best:.2f}")
+
+
+def top5(bundle, folder):
+    """Of how many photographs the class is among the five words nearest to their features."""
+    files = sorted(folder.glob("*.jpg"))
+    names = [path.stem.split("_", 1)[1].replace("_", " ") for path in files]
+    table, hits = bundle.text(names), []
+    for path, name in zip(files, names):
+        features = bundle.features(np.asarray(Image.open(path).convert("RGB")))[0]
+        cosines = np.sort(features.reshape(-1, features.shape[-1]) @ table.T, 0)
+        near = np.argsort(-cosines[-len(cosines) // 4:].mean(0))[:5]
+        hits.append([names[near[0]] == name, name in [names[k] for k in near]])
+    first, five = np.mean(hits, 0)
+    print(f"{folder}: {len(files)} photographs, top-1 {first:.3f}, top-5 {five:.3f}, "
+          f"chance {5 / len(set(names)):.3f}")
 
 
 def report(name, mean):
@@ -176,6 +269,10 @@ def main():
     parser.add_argument("--picture-every", type=int, default=5)
     parser.add_argument("--images", type=Path, nargs="*", default=[], help="unlabelled images")
     parser.add_argument("--queries", nargs="*", default=[])
+    parser.add_argument("--held-out", nargs="*", default=[], help="words to report on their own")
+    parser.add_argument("--phrases", action="store_true", help="ask phrases, not words")
+    parser.add_argument("--photos", type=Path, help="photographs, one class each")
+    parser.add_argument("--fit", action="store_true", help="fit the relevancy to --frames")
     args = parser.parse_args()
     bundle = Bundle(args.bundle)
     for path in args.images:
@@ -184,7 +281,11 @@ def main():
         print(" ".join(f"{q} {h.max():.2f}" for q, h in zip(args.queries, heats)))
         picture(image, heats, args.queries, (args.pictures or Path()) / f"{path.stem}.png")
     started = time.time()
-    for folder in args.frames:
+    if args.photos:
+        top5(bundle, args.photos)
+    if args.fit:
+        fit(bundle, args.frames, args)
+    for folder in [] if args.fit else args.frames:
         evaluate(bundle, folder, args)
     print(f"{time.time() - started:.0f} s")
 

@@ -5,11 +5,14 @@
 //! `models/tiny`. A line is the median of [`RUNS`] questions, texts cached; `decode` is 0 where the features
 //! of the revision, or of the view, are cached.
 
+use anyhow::Context as _;
 use lexsplat_gpu::{Gpu, HostGaussians};
 use lexsplat_server::pipeline::compressor::{CompressorConfig, OnlineStage, online};
 use lexsplat_server::pipeline::encoder::LanguageConfig;
 use lexsplat_server::pipeline::frame::Intrinsics;
-use lexsplat_server::pipeline::network::{Bundle, Tensor, TextNetworks, VisionNetworks};
+use lexsplat_server::pipeline::network::{
+    Bundle, Tensor, TextNetworks, VisionNetworks, VisionStages,
+};
 use lexsplat_server::pipeline::query::{
     Contest, Outputs, Place, Query, QueryConfig, QueryThread, Timing, View,
 };
@@ -63,7 +66,12 @@ fn code(
     let cells = vision.grid[0] * vision.grid[1];
     let planes = embedding.iter().flat_map(|&v| std::iter::repeat_n(v, cells)).collect();
     let features = Tensor::floats(&[1, embedding.len(), vision.grid[0], vision.grid[1]], planes);
-    let codes = vision.compressor.run(vec![features])?.swap_remove(0);
+    let compressor = match &mut vision.stages {
+        VisionStages::Apart { compressor, .. } => Some(compressor),
+        VisionStages::Folded { compressor, .. } => compressor.as_mut(),
+    };
+    let compressor = compressor.context("the bundle has no compressor for single words")?;
+    let codes = compressor.run(&[features])?.swap_remove(0);
     Ok(codes.as_floats().iter().step_by(cells).copied().collect())
 }
 

@@ -73,8 +73,13 @@ pub struct VisionNetworks {
 
 /// `[1, 3, height, width]` -> generic codes `[1, 32, grid height, grid width]`, unit length over 32.
 pub enum VisionStages {
-    /// In one graph; features -> codes by themselves, if the bundle has that.
-    Folded { network: Network, compressor: Option<Network> },
+    /// In one graph.
+    Folded {
+        /// Image -> codes.
+        network: Network,
+        /// Features -> codes, for labels that are given, if the bundle has it.
+        compressor: Option<Network>,
+    },
     /// In the method's three.
     Apart {
         /// `[1, 3, height, width]` -> coarse features and skips.

@@ -1,8 +1,8 @@
 //! How much a feature is what the words say (paper §5; the relevancy of LERF), and images of it.
 //!
-//! relevancy = min over negatives n of exp(t f·q) / (exp(t f·q) + exp(t f·n)), with f the feature,
-//! q the query, all of unit length, and t the bundle's temperature. 0.5: as near to the query as to
-//! the nearest negative.
+//! relevancy = min over negatives n of exp(t f·q) / (exp(t f·q) + exp(t f·n + b)), with f the
+//! feature, q the query, all of unit length, and t and b the bundle's temperature and bias (the
+//! paper: 10 and 0). 0.5: nearer to the query than to the nearest negative by b / t.
 
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
@@ -10,9 +10,16 @@ use rayon::prelude::*;
 /// Features that one core compares at a time.
 const BATCH: usize = 1024;
 
+/// From cosines to relevancy.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scale {
+    pub temperature: f32,
+    pub bias: f32,
+}
+
 /// Embedded words that features are compared with.
 pub(super) struct Comparison {
-    temperature: f32,
+    scale: Scale,
     /// The query, then the negatives, `[1 + n, D]`.
     words: Array2<f32>,
 }
@@ -20,7 +27,7 @@ pub(super) struct Comparison {
 impl Comparison {
     /// `query` and each of `negatives` (at least one) are `[D]`, unit length.
     pub(super) fn new<'a>(
-        temperature: f32,
+        scale: Scale,
         query: &'a [f32],
         negatives: impl IntoIterator<Item = &'a [f32]>,
     ) -> Self {
@@ -29,12 +36,13 @@ impl Comparison {
             words.push_row(ArrayView1::from(word)).expect("embeddings are of one size");
         }
         assert!(words.nrows() > 1, "at least one negative");
-        Self { temperature, words }
+        Self { scale, words }
     }
 
     /// Relevancies, 0..1, of features `[n, D]`, unit length.
     pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
         let size = self.words.ncols();
+        let Scale { temperature, bias } = self.scale;
         features
             .par_chunks(BATCH * size)
             .flat_map_iter(|batch| {
@@ -44,7 +52,7 @@ impl Comparison {
                 let relevancy = |row: ArrayView1<'_, f32>| {
                     let nearest = row.iter().skip(1).copied().fold(f32::NEG_INFINITY, f32::max);
                     // The least pair is that with the nearest negative.
-                    1.0 / (1.0 + (self.temperature * (nearest - row[0])).exp())
+                    1.0 / (1.0 + (temperature * (nearest - row[0]) + bias).exp())
                 };
                 cosines.rows().into_iter().map(relevancy).collect::<Vec<_>>()
             })
@@ -161,13 +169,14 @@ mod tests {
     #[test]
     fn relevancy_is_the_least_of_the_pairs() {
         let (query, first, second) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]);
-        let comparison = Comparison::new(10.0, &query, [&first[..], &second[..]]);
+        let scale = Scale { temperature: 10.0, bias: 0.0 };
+        let comparison = Comparison::new(scale, &query, [&first[..], &second[..]]);
         let feature = [0.8, 0.6, 0.0];
         // f·q = 0.8, f·n = 0.6 and 0.48: by hand 1 / (1 + exp(10 (0.6 - 0.8))).
         let expected = 1.0 / (1.0 + (-2.0_f32).exp());
         assert!((comparison.relevancies(&feature)[0] - expected).abs() < 1e-6);
         // Negative control: without the nearer negative it is another number.
-        let other = Comparison::new(10.0, &query, [&second[..]]).relevancies(&feature)[0];
+        let other = Comparison::new(scale, &query, [&second[..]]).relevancies(&feature)[0];
         assert!((other - 1.0 / (1.0 + (-3.2_f32).exp())).abs() < 1e-6);
         assert!((other - expected).abs() > 0.05);
         // As near to the query as to a negative; every row has its own.
@@ -175,6 +184,20 @@ mod tests {
         let both = comparison.relevancies(&[between, feature].concat());
         assert!((both[0] - 0.5).abs() < 1e-6 && (both[1] - expected).abs() < 1e-6);
         assert!(comparison.relevancies(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_bias_moves_where_one_half_is() {
+        let (query, negative) = ([1.0, 0.0], [0.0, 1.0]);
+        let biased = |bias| {
+            let scale = Scale { temperature: 10.0, bias };
+            Comparison::new(scale, &query, [&negative[..]]).relevancies(&[0.8, 0.6])[0]
+        };
+        // t (f·q - f·n) = 10 (0.8 - 0.6) = 2: a bias of 2 makes it one half, of 3 less.
+        assert!((biased(2.0) - 0.5).abs() < 1e-6);
+        assert!((biased(3.0) - 1.0 / (1.0 + 1.0_f32.exp())).abs() < 1e-6);
+        // Negative control: without a bias it is the plain softmax.
+        assert!((biased(0.0) - 1.0 / (1.0 + (-2.0_f32).exp())).abs() < 1e-6);
     }
 
     #[test]

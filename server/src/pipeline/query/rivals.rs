@@ -1,10 +1,10 @@
 //! Several texts that compete for every feature: an open-vocabulary segmentation.
 //!
-//! Each text has its relevancy (paper §5; see `relevancy`) = 1 / (1 + exp(t (max_n f·n - f·q))); the negatives
+//! Each text has its relevancy (paper §5; see `relevancy`) = 1 / (1 + exp(t (max_n f·n - f·q) + b)); the negatives
 //! are shared, so that the best text is the nearest, argmax f·q. A label is the best text's place in the
 //! list, from 1; 0 where even that is not above the threshold.
 
-use super::relevancy::Plane;
+use super::relevancy::{Plane, Scale};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ const BATCH: usize = 1024;
 
 /// Embedded texts and negatives.
 pub(super) struct Rivals {
-    temperature: f32,
+    scale: Scale,
     texts: usize,
     /// The texts, then the negatives, `[texts + negatives, D]`.
     words: Array2<f32>,
@@ -22,13 +22,13 @@ pub(super) struct Rivals {
 
 impl Rivals {
     /// Each is `[D]`, unit length; at least one of either.
-    pub(super) fn new(temperature: f32, texts: &[Arc<[f32]>], negatives: &[Arc<[f32]>]) -> Self {
+    pub(super) fn new(scale: Scale, texts: &[Arc<[f32]>], negatives: &[Arc<[f32]>]) -> Self {
         assert!(!texts.is_empty() && !negatives.is_empty(), "at least one of either");
         let mut words = Array2::zeros((0, texts[0].len()));
         for word in texts.iter().chain(negatives) {
             words.push_row(ArrayView1::from(&word[..])).expect("embeddings are of one size");
         }
-        Self { temperature, texts: texts.len(), words }
+        Self { scale, texts: texts.len(), words }
     }
 
     /// How many texts.
@@ -39,6 +39,7 @@ impl Rivals {
     /// Relevancies `[n, texts]`, 0..1, of features `[n, D]`, unit length.
     pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
         let size = self.words.ncols();
+        let Scale { temperature, bias } = self.scale;
         features
             .par_chunks(BATCH * size)
             .flat_map_iter(|batch| {
@@ -50,7 +51,7 @@ impl Rivals {
                         row.iter().skip(self.texts).copied().fold(f32::NEG_INFINITY, f32::max);
                     row.iter()
                         .take(self.texts)
-                        .map(|cosine| 1.0 / (1.0 + (self.temperature * (nearest - cosine)).exp()))
+                        .map(|cosine| 1.0 / (1.0 + (temperature * (nearest - cosine) + bias).exp()))
                         .collect::<Vec<_>>()
                 };
                 cosines.rows().into_iter().flat_map(relevancies).collect::<Vec<_>>()
@@ -98,10 +99,15 @@ mod tests {
         let texts = [word([1.0, 0.0, 0.0]), word([0.0, 0.6, 0.8])];
         let negatives = [word([0.0, 1.0, 0.0]), word([0.6, 0.0, 0.8])];
         let features = [[0.8, 0.6, 0.0], [0.0, 0.6, 0.8], [0.0, 1.0, 0.0]].concat();
-        let found = Rivals::new(10.0, &texts, &negatives).relevancies(&features);
+        let found = Rivals::new(Scale { temperature: 10.0, bias: 0.0 }, &texts, &negatives)
+            .relevancies(&features);
         assert_eq!(found.len(), 3 * 2);
         for (at, text) in texts.iter().enumerate() {
-            let alone = Comparison::new(10.0, text, negatives.iter().map(|n| &n[..]));
+            let alone = Comparison::new(
+                Scale { temperature: 10.0, bias: 0.0 },
+                text,
+                negatives.iter().map(|n| &n[..]),
+            );
             for (row, expected) in alone.relevancies(&features).into_iter().enumerate() {
                 assert!((found[row * 2 + at] - expected).abs() < 1e-6);
             }

@@ -2,7 +2,7 @@
 
 use super::super::network::{NetworkError, RelevancySpec, TextTower};
 use super::QueryError;
-use super::relevancy::Comparison;
+use super::relevancy::{Comparison, Scale};
 use super::request::{Contest, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Query};
 use super::rivals::Rivals;
 use std::collections::HashMap;
@@ -25,8 +25,7 @@ impl Words {
     pub(super) fn comparison(&mut self, query: &Query) -> Result<Comparison, QueryError> {
         let text = self.embedding(checked("text", &query.text)?)?;
         let negatives = self.negatives(&query.negatives)?;
-        let temperature = self.relevancy.temperature;
-        Ok(Comparison::new(temperature, &text, negatives.iter().map(|negative| &negative[..])))
+        Ok(Comparison::new(self.scale(), &text, negatives.iter().map(|negative| &negative[..])))
     }
 
     /// Several texts that compete for every feature.
@@ -41,7 +40,7 @@ impl Words {
             .map(|text| Ok(self.embedding(checked("texts", text)?)?))
             .collect::<Result<_, QueryError>>()?;
         let negatives = self.negatives(&contest.negatives)?;
-        Ok(Rivals::new(self.relevancy.temperature, &texts, &negatives))
+        Ok(Rivals::new(self.scale(), &texts, &negatives))
     }
 
     /// The given negatives, or the bundle's if there are none.
@@ -56,6 +55,12 @@ impl Words {
             .iter()
             .map(|negative| Ok(self.embedding(checked("negatives", negative)?)?))
             .collect()
+    }
+
+    /// From cosines to relevancy, as the bundle has it.
+    fn scale(&self) -> Scale {
+        let RelevancySpec { temperature, bias, .. } = self.relevancy;
+        Scale { temperature, bias }
     }
 
     /// A text's embedding `[D]`, unit length.

@@ -112,6 +112,9 @@ pub enum ChannelOrder {
 pub struct RelevancySpec {
     /// Factor on cosines before the softmax.
     pub temperature: f32,
+    /// Subtracted from the softmax's logit, so that what belongs to a word begins at 0.5.
+    #[serde(default)]
+    pub bias: f32,
     /// Relevancy above which something counts.
     pub threshold: f32,
     /// What everything is compared with.

@@ -139,6 +139,7 @@ impl Written {
             "more than 0",
             temperature,
         )?;
+        require(relevancy.bias.is_finite(), "relevancy.bias", "a finite number", relevancy.bias)?;
         require(!relevancy.negatives.is_empty(), "relevancy.negatives", "at least 1", 0)?;
         let threshold = relevancy.threshold;
         require(fraction(threshold), "relevancy.threshold", "0 to 1", threshold)?;
