@@ -76,7 +76,8 @@ struct Step {
     language: Option<(Camera, LanguageTarget)>,
     exposure: [f32; 2],
     weights: LossWeights,
-    rates: LearningRates,
+    /// `None`: the map stays as it is, only the report is wanted.
+    rates: Option<LearningRates>,
 }
 
 impl Step {
@@ -114,13 +115,44 @@ impl Renderer {
             language: view.language.map(|(camera, target)| (camera.clone(), target.clone())),
             exposure: view.exposure,
             weights: *weights,
-            rates: *rates,
+            rates: Some(*rates),
         };
         self.take(gaussians, step)?;
         while self.ledger.outstanding.len() > IN_FLIGHT {
             self.collect()?;
         }
         self.repeat_lost(gaussians)
+    }
+
+    /// What a step on this view would find of colour and depth, without taking it: the losses, and the
+    /// gradients of pose and exposure. Zeros for an empty map. Waits for the device.
+    ///
+    /// # Errors
+    /// As [`Renderer::step`].
+    pub fn look(
+        &mut self,
+        gaussians: &Gaussians,
+        (camera, target): (&Camera, &ColourTarget),
+        exposure: [f32; 2],
+        weights: &LossWeights,
+    ) -> Result<StepReport, GpuError> {
+        let view = TrainingView { camera, colour: Some(target), language: None, exposure };
+        self.check(gaussians, &view)?;
+        while !self.ledger.outstanding.is_empty() {
+            self.collect()?;
+            self.repeat_lost(gaussians)?;
+        }
+        if gaussians.is_empty() {
+            return Ok(StepReport::default());
+        }
+        let (camera, colour) = (camera.clone(), Some(target.clone()));
+        let weights = LossWeights { isotropic: 0.0, ..*weights };
+        let step = Step { camera, colour, language: None, exposure, weights, rates: None };
+        self.take(gaussians, step)?;
+        self.collect()?;
+        self.repeat_lost(gaussians)?;
+        self.gpu.check()?;
+        Ok(self.ledger.last)
     }
 
     /// Waits until all steps are taken.
@@ -178,7 +210,9 @@ impl Renderer {
         self.record_colour(&mut recorder, (arrays, count), &step);
         self.record_language(&mut recorder, arrays, &step);
         self.record_shape(&mut recorder, (arrays, count), &step);
-        self.record_adam(&mut recorder, (arrays, count), &step);
+        if let Some(rates) = &step.rates {
+            self.record_adam(&mut recorder, (arrays, count), &step, rates);
+        }
         let results = self.results.size();
         recorder.copy(&self.results, (&report, 0), results);
         let counts =
@@ -288,6 +322,7 @@ impl Renderer {
         recorder: &mut Recorder<'_>,
         (arrays, count): (&Arrays, usize),
         step: &Step,
+        learning: &LearningRates,
     ) {
         let ranks = self.lister.ranks();
         let (colour, language) = (step.colour.is_some(), step.language.is_some());
@@ -303,8 +338,8 @@ impl Renderer {
         let tied = self.ties.rows();
         let free = tied.map(|row| row.map(|tied| 1.0 - tied));
         for (is_used, pass, head, rates) in [
-            (colour, &self.colour, &arrays.colour, &step.rates.colour),
-            (language, &self.language, &arrays.language, &step.rates.language),
+            (colour, &self.colour, &arrays.colour, &learning.colour),
+            (language, &self.language, &arrays.language, &learning.language),
         ] {
             if !is_used {
                 continue;
@@ -323,7 +358,7 @@ impl Renderer {
             if is_language && !colour && !self.ties.is_none() {
                 // The colour head has no gradient of its own in this step: the tied parameters
                 // follow the language head's.
-                let geometry = scaled(step.rates.colour.geometry(), tied);
+                let geometry = scaled(learning.colour.geometry(), tied);
                 let gradients = geometry_gradients(pass, (self.lister.ranks(), count));
                 self.adam.update(recorder, &arrays.colour.geometry, geometry, gradients);
             }
@@ -332,7 +367,7 @@ impl Renderer {
             let Training { gradients, corrections, .. } = self.colour.training();
             let rows = (&gradients.moves, MOVE_ROWS);
             let gradients = Gradients { ranks, rows, corrections, count };
-            self.adam.update(recorder, &arrays.means, [[step.rates.mean; 4]; 2], gradients);
+            self.adam.update(recorder, &arrays.means, [[learning.mean; 4]; 2], gradients);
             self.tally.add(recorder, self.colour.found(ranks), &arrays.statistics);
         }
         if !self.ties.is_none() {

@@ -29,7 +29,7 @@ pub struct Demo {
     #[arg(long, value_name = "KIND:PATH", default_value = "synthetic:7")]
     dataset: DatasetSpec,
     /// Where poses come from
-    #[arg(long, value_enum, default_value_t = Poses::Given)]
+    #[arg(long, value_enum, default_value_t = Poses::Estimate)]
     poses: Poses,
     /// Ask this instead of the usual five questions; may be repeated
     #[arg(long, value_name = "TEXT")]

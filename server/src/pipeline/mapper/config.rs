@@ -48,10 +48,25 @@ pub struct MapperConfig {
     pub prune_scale_metres: f32,
     /// Readers get a new snapshot at most this often while the map changes, seconds.
     pub snapshot_seconds: f64,
+    /// Which parameters of the two heads are one (none in the paper's full method; all: the joint
+    /// optimisation that it is compared with).
+    pub ties: TiesConfig,
     /// Weights of the loss (paper §4.3).
     pub loss: LossConfig,
     /// Adam's learning rates.
     pub rates: RatesConfig,
+}
+
+/// Parameters that colour and language share, so that both losses move them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TiesConfig {
+    /// Quaternions.
+    pub rotation: bool,
+    /// Scales.
+    pub scale: bool,
+    /// Opacities.
+    pub opacity: bool,
 }
 
 /// Weights of the loss terms, each a mean.
@@ -118,6 +133,7 @@ impl Default for MapperConfig {
             prune_opacity: 0.05,
             prune_scale_metres: 0.6,
             snapshot_seconds: 2.0,
+            ties: TiesConfig::default(),
             loss: LossConfig::default(),
             rates: RatesConfig::default(),
         }

@@ -2,10 +2,9 @@
 
 use super::super::frame::{Frame, Intrinsics};
 use super::super::snapshot::TrackedFrame;
-use super::super::tracker::Tracked;
+use super::super::tracker::{Moments, Tracked};
 use super::super::working::Working;
 use super::Mapper;
-use super::refine::Moments;
 use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LanguageTarget};
 use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;

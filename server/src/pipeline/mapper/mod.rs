@@ -13,7 +13,7 @@ mod prune;
 mod refine;
 mod trajectory;
 
-pub use config::MapperConfig;
+pub use config::{MapperConfig, TiesConfig};
 
 use super::compressor::{self, OnlineStage};
 use super::encoder::{LanguageMap, LanguageThread};
@@ -23,7 +23,7 @@ use super::map::{Event, Map};
 use super::snapshot::{KeyframeInfo, MapSnapshot};
 use super::tracker::{Scene, Tracked, Tracker, TrackerConfig};
 use keyframe::Keyframe;
-use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer};
+use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer, Ties};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
@@ -50,7 +50,9 @@ pub(super) fn spawn(
     config: &PipelineConfig,
 ) -> Result<(Arc<Map>, JoinHandle<()>), String> {
     let online = compressor::online(&config.compressor);
-    let renderer = Renderer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
+    let mut renderer = Renderer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
+    let TiesConfig { rotation, scale, opacity } = config.mapper.ties;
+    renderer.set_ties(Ties { rotation, scale, opacity });
     let gaussians = Gaussians::new(gpu, online.code_size());
     let empty = MapSnapshot {
         map: name.to_owned(),

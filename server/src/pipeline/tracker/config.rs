@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackerConfig {
+    /// How.
+    pub method: TrackerMethod,
     /// Frames are tracked at this many columns at most.
     pub width: u32,
     /// Most Gauss-Newton steps per level of the pyramid, finest first.
@@ -56,11 +58,44 @@ pub struct TrackerConfig {
     pub refine_radians: f64,
     /// Step of a refined exposure.
     pub refine_exposure: f64,
+    /// Of the method `photometric`.
+    pub photometric: PhotometricConfig,
+}
+
+/// How poses are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrackerMethod {
+    /// Few Gauss-Newton steps on pictures of keyframes.
+    GaussNewton,
+    /// The paper's: many steps of Adam, each on a picture of the map. It never says that it is lost.
+    Photometric,
+}
+
+/// The paper's tracker, with the constants of its code.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PhotometricConfig {
+    /// Steps at most.
+    pub iterations: usize,
+    /// Step of the position, metres.
+    pub metres: f64,
+    /// Step of the rotation, radians.
+    pub radians: f64,
+    /// Step of the exposure.
+    pub exposure: f64,
+    /// It ends when a step [rho, theta] is shorter than this.
+    pub converged: f64,
+    /// Weight of the L1 of colour.
+    pub color: f32,
+    /// Weight of the L1 of depth, per metre.
+    pub depth: f32,
 }
 
 impl Default for TrackerConfig {
     fn default() -> Self {
         Self {
+            method: TrackerMethod::GaussNewton,
             width: 320,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
@@ -84,6 +119,21 @@ impl Default for TrackerConfig {
             refine_metres: 5e-4,
             refine_radians: 1.5e-3,
             refine_exposure: 0.01,
+            photometric: PhotometricConfig::default(),
+        }
+    }
+}
+
+impl Default for PhotometricConfig {
+    fn default() -> Self {
+        Self {
+            iterations: 100,
+            metres: 1e-3,
+            radians: 3e-3,
+            exposure: 0.01,
+            converged: 1e-4,
+            color: 0.95,
+            depth: 0.05,
         }
     }
 }

@@ -10,14 +10,17 @@
 //! Lost is a state: such a frame is not mapped and does not move the velocity; the keyframes that
 //! look most like it are tried. The tracker never changes the map.
 
+mod adam;
 mod align;
 mod config;
 mod joint;
 mod judge;
 mod motion;
+mod photometric;
 mod places;
 
-pub use config::TrackerConfig;
+pub(super) use adam::Moments;
+pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use judge::is_blank;
 
 use super::frame::{Frame, TrackingState};
@@ -142,6 +145,10 @@ impl Tracker {
         let found = if scene.gaussians.is_empty() {
             let hint = frame.hint.as_ref().map(|hint| hint.world_from_camera);
             Some(Candidate::given(hint.unwrap_or_default()))
+        } else if self.config.method == TrackerMethod::Photometric {
+            let start = (self.motion.last().unwrap_or_default(), self.exposure);
+            let config = &self.config.photometric;
+            Some(photometric::track(&self.gpu, scene, &working, start, config)?)
         } else {
             self.search(frame, &working, scene)?
         };
