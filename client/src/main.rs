@@ -16,6 +16,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Ablate(command::ablate::Ablate),
     Bench(command::bench::Bench),
     Demo(command::demo::Demo),
     Evaluate(command::evaluate::Evaluate),
@@ -27,6 +28,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Ablate(arguments) => command::wait(command::ablate::run(&arguments)),
         Command::Bench(arguments) => command::wait(command::bench::run(&arguments)),
         Command::Demo(arguments) => command::wait(command::demo::run(&arguments)),
         Command::Evaluate(arguments) => command::wait(command::evaluate::run(&arguments)),

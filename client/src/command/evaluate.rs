@@ -12,7 +12,6 @@ use lexsplat_client::evaluate::{Evaluation, Options, Report, Step, Target, evalu
 use lexsplat_client::stream::{Encoder, Poses};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 
 /// Measure speed, trajectory, pictures and words on a data set, beside the paper's figures
@@ -85,40 +84,60 @@ pub async fn run(arguments: &Evaluate) -> Result<()> {
     }
     let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let map = arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned());
+    let options = Options {
+        poses: arguments.poses,
+        encoder: arguments.encoder,
+        hold_out_every: NonZeroUsize::new(arguments.held_out),
+        language: arguments.language,
+    };
     if let (Some(grpc), Some(http)) = (&arguments.grpc, &arguments.http) {
+        let map = arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned());
         let target = Target { grpc: grpc.clone(), http: http.clone(), map };
-        return measure(arguments, dataset, &target, None).await;
+        return shown(arguments, &measure(dataset, &target, options).await?);
     }
     let plan = Plan {
         program: arguments.server.clone().map_or_else(server::beside_this, Ok)?,
         config: arguments.config.clone(),
         models: arguments.models.clone(),
+        settings: Vec::new(),
         log: out.join("server.log"),
     };
-    let settings = settings(&plan)?;
-    let mut server = Server::start(&plan).await?;
+    let evaluation = measure_own(&plan, dataset, arguments.map.clone(), options).await?;
+    shown(arguments, &evaluation)
+}
+
+/// Measures on a server that is started for it and stopped, in a map of this name (absent: the data
+/// set's).
+///
+/// # Errors
+/// What the server, the data set or the network say.
+pub(super) async fn measure_own(
+    plan: &Plan,
+    dataset: Arc<dyn Dataset>,
+    map: Option<String>,
+    options: Options,
+) -> Result<Evaluation> {
+    let settings = settings(plan)?;
+    let mut server = Server::start(plan).await?;
     let (grpc, http) = (server.ready.grpc.clone(), server.ready.http.clone());
+    let map = map.unwrap_or_else(|| dataset.name().to_owned());
     let target = Target { grpc, http, map };
-    tokio::select! {
-        done = measure(arguments, dataset, &target, Some(settings)) =>
-            done.map_err(|error| server.explain(error))?,
+    let mut evaluation = tokio::select! {
+        done = measure(dataset, &target, options) => done.map_err(|error| server.explain(error))?,
         pressed = interrupted() => pressed.and_then(|()| bail!("interrupted"))?,
-    }
-    server.stop()
+    };
+    server.stop()?;
+    evaluation.report.config = Some(settings);
+    Ok(evaluation)
 }
 
 /// The settings that the server will have, as TOML.
 fn settings(plan: &Plan) -> Result<String> {
-    let mut command = Command::new(&plan.program);
-    command.arg("--print-config");
-    for (option, path) in [("--config", &plan.config), ("--models", &plan.models)] {
-        if let Some(path) = path {
-            command.arg(option).arg(path);
-        }
-    }
-    let said =
-        command.output().with_context(|| format!("cannot start {}", plan.program.display()))?;
+    let said = plan
+        .command()
+        .arg("--print-config")
+        .output()
+        .with_context(|| format!("cannot start {}", plan.program.display()))?;
     if !said.status.success() {
         let reason = String::from_utf8_lossy(&said.stderr);
         bail!("the server refuses its settings: {}", reason.trim());
@@ -127,25 +146,20 @@ fn settings(plan: &Plan) -> Result<String> {
 }
 
 async fn measure(
-    arguments: &Evaluate,
     dataset: Arc<dyn Dataset>,
     target: &Target,
-    config: Option<String>,
-) -> Result<()> {
-    let options = Options {
-        poses: arguments.poses,
-        encoder: arguments.encoder,
-        hold_out_every: NonZeroUsize::new(arguments.held_out),
-        language: arguments.language,
-    };
+    options: Options,
+) -> Result<Evaluation> {
     let mut bars = Bars::new(dataset.len() as u64);
     let measured = evaluate(dataset, target, options, |step| bars.show(step)).await;
     bars.current.finish_and_clear();
-    let mut evaluation = measured?;
-    evaluation.report.config = config;
+    Ok(measured?)
+}
+
+fn shown(arguments: &Evaluate, evaluation: &Evaluation) -> Result<()> {
     print(&evaluation.report);
-    let files = write(&arguments.out, &evaluation)?;
-    println!("\nreport     {}", files.display());
+    let page = write(&arguments.out, evaluation)?;
+    println!("\nreport     {}", page.display());
     Ok(())
 }
 
@@ -212,7 +226,7 @@ fn print(report: &Report) {
 }
 
 /// Writes everything; returns the page to open.
-fn write(out: &Path, evaluation: &Evaluation) -> Result<PathBuf> {
+pub(super) fn write(out: &Path, evaluation: &Evaluation) -> Result<PathBuf> {
     let Evaluation { report, trajectory, trajectory_tum, samples } = evaluation;
     let plots = [
         ("trajectory.png", "Trajectory from above", plot::trajectory(trajectory)),

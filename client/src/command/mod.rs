@@ -1,5 +1,6 @@
 //! One file per command of `lexsplat`.
 
+pub mod ablate;
 pub mod bench;
 pub mod demo;
 pub mod evaluate;

@@ -26,8 +26,25 @@ pub struct Plan {
     pub config: Option<PathBuf>,
     /// The folder of a bundle of networks; absent: what the settings say.
     pub models: Option<PathBuf>,
+    /// Settings that win over the file's: (`SECTION__KEY`, value).
+    pub settings: Vec<(&'static str, &'static str)>,
     /// Where its log goes.
     pub log: PathBuf,
+}
+
+impl Plan {
+    /// The program with the plan's settings.
+    pub fn command(&self) -> Command {
+        let mut command = Command::new(&self.program);
+        for (option, path) in [("--config", &self.config), ("--models", &self.models)] {
+            if let Some(path) = path {
+                command.arg(option).arg(path);
+            }
+        }
+        let named = |(key, value): &(&str, &'static str)| (format!("LEXSPLAT__{key}"), *value);
+        command.envs(self.settings.iter().map(named));
+        command
+    }
 }
 
 /// What the server says when it is ready.
@@ -71,15 +88,10 @@ impl Server {
     /// # Errors
     /// If it cannot be started, ends, or is not ready in time; with its last words.
     pub async fn start(plan: &Plan) -> Result<Self> {
-        let Plan { program, config, models, log } = plan;
+        let Plan { program, log, .. } = plan;
         let file = File::create(log).with_context(|| format!("cannot write {}", log.display()))?;
-        let mut command = Command::new(program);
+        let mut command = plan.command();
         command.args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"]);
-        for (option, path) in [("--config", config), ("--models", models)] {
-            if let Some(path) = path {
-                command.arg(option).arg(path);
-            }
-        }
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(file);
         let mut child =
             command.spawn().with_context(|| format!("cannot start {}", program.display()))?;
@@ -205,7 +217,13 @@ mod tests {
             let program = self.0.join("server.sh");
             std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
             std::fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
-            Plan { program, config: None, models: None, log: self.0.join("server.log") }
+            Plan {
+                program,
+                config: None,
+                models: None,
+                settings: Vec::new(),
+                log: self.0.join("server.log"),
+            }
         }
     }
 

@@ -72,6 +72,7 @@ pub async fn run(arguments: &Demo) -> Result<()> {
         program: arguments.server.clone().map_or_else(server::beside_this, Ok)?,
         config: arguments.config.clone(),
         models: arguments.models.clone(),
+        settings: Vec::new(),
         log: out.join("server.log"),
     };
     let starting = ProgressBar::new_spinner().with_message("the server starts");
