@@ -2,9 +2,11 @@
 
 mod backpressure;
 mod bad_input;
+mod clock;
 mod end_to_end;
 mod evaluate;
 mod exports;
+mod faults;
 mod labels;
 mod load;
 mod outside;

@@ -10,6 +10,8 @@ pub struct MapperConfig {
     pub max_maps: usize,
     /// Frames that may wait for the mapper; then their sender waits.
     pub queue_frames: usize,
+    /// When the optimiser works.
+    pub clock: Clock,
     /// Colour and depth are optimised at this many columns at most (full size in the paper).
     pub train_width: u32,
     /// New keyframe: moved by more than this share of the median depth.
@@ -55,6 +57,17 @@ pub struct MapperConfig {
     pub loss: LossConfig,
     /// Adam's learning rates.
     pub rates: RatesConfig,
+}
+
+/// When the optimiser works.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clock {
+    /// Frames come first, steps while there are none.
+    Realtime,
+    /// A frame waits until the one before has its language and all its steps: the same input gives the
+    /// same map, bit for bit on one adapter, however fast it comes.
+    PerFrame,
 }
 
 /// Parameters that colour and language share, so that both losses move them.
@@ -114,6 +127,7 @@ impl Default for MapperConfig {
         Self {
             max_maps: 8,
             queue_frames: 8,
+            clock: Clock::Realtime,
             train_width: 600,
             keyframe_translation: 0.08,
             keyframe_rotation_radians: 0.15,

@@ -13,7 +13,7 @@ mod prune;
 mod refine;
 mod trajectory;
 
-pub use config::{MapperConfig, TiesConfig};
+pub use config::{Clock, MapperConfig, TiesConfig};
 
 use super::compressor::{self, OnlineStage};
 use super::encoder::{LanguageMap, LanguageThread};
@@ -79,6 +79,7 @@ pub(super) fn spawn(
         trajectory: Trajectory::default(),
         awaiting_language: VecDeque::new(),
         language_in_flight: 0,
+        deferred: VecDeque::new(),
         steps_left: 0,
         steps_done: 0,
         ordered_len: 0,
@@ -112,6 +113,8 @@ struct Mapper {
     /// Keyframes that the language thread had no room for yet, oldest first.
     awaiting_language: VecDeque<Frame>,
     language_in_flight: usize,
+    /// Frames that came while the clock stood still.
+    deferred: VecDeque<Event>,
     /// Optimiser steps that the keyframes so far have earned and not yet had.
     steps_left: usize,
     steps_done: usize,
@@ -131,11 +134,7 @@ impl Mapper {
     /// The thread: frames first, optimisation while there are none, sleep when all is done.
     fn run(mut self, mut events: mpsc::Receiver<Event>) {
         loop {
-            let event = if self.has_work() || self.waits_for_room() {
-                events.try_recv().ok()
-            } else {
-                events.blocking_recv()
-            };
+            let event = self.next(&mut events);
             let done = match event {
                 Some(Event::Stop) => break,
                 Some(event) => self.handle(event),
@@ -158,6 +157,31 @@ impl Mapper {
             && let Err(error) = self.publish()
         {
             tracing::error!(map = self.map.name(), %error, "no last snapshot");
+        }
+    }
+
+    /// What to do next; `None`: nothing has come, or the channel is closed.
+    fn next(&mut self, events: &mut mpsc::Receiver<Event>) -> Option<Event> {
+        let is_per_frame = self.config.clock == Clock::PerFrame;
+        if is_per_frame && self.language_in_flight > 0 {
+            // Frames that come meanwhile wait.
+            loop {
+                match events.blocking_recv()? {
+                    frame @ Event::Frame { .. } => self.deferred.push_back(frame),
+                    other => return Some(other),
+                }
+            }
+        }
+        if is_per_frame && (self.has_work() || self.waits_for_room()) {
+            return None;
+        }
+        if let Some(deferred) = self.deferred.pop_front() {
+            return Some(deferred);
+        }
+        if self.has_work() || self.waits_for_room() {
+            events.try_recv().ok()
+        } else {
+            events.blocking_recv()
         }
     }
 
@@ -220,7 +244,9 @@ impl Mapper {
             }
             self.trajectory.push(times, &tracked.world_from_camera, &self.keyframes);
             self.moved = true;
-            for _ in 0..self.config.steps_per_frame.min(self.steps_left) {
+            let is_realtime = self.config.clock == Clock::Realtime;
+            let at_once = if is_realtime { self.config.steps_per_frame } else { 0 };
+            for _ in 0..at_once.min(self.steps_left) {
                 self.optimise_once()?;
             }
         }
