@@ -2,6 +2,7 @@
 
 mod backpressure;
 mod bad_input;
+mod bundles;
 mod end_to_end;
 mod evaluate;
 mod outside;

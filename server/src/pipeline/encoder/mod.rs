@@ -87,6 +87,10 @@ pub struct Vision {
 }
 
 /// The networks, each in its stage.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a process has one of it, which moves once at the start"
+)]
 enum Stages {
     Folded(Network),
     Apart { encoder: Network, srd: SuperResolution, compressor: GenericEncoder },
