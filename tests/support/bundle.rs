@@ -78,7 +78,7 @@ fn means(kind: Kind, output: &str) -> (Node, Weight) {
     let share = 1.0 / (STRIDE * STRIDE) as f32;
     let size = STRIDE * STRIDE;
     let values: Vec<f32> =
-        (0..9 * size).map(|at| if (at / size) % 4 == 0 { share } else { 0.0 }).collect();
+        (0..9 * size).map(|at| if (at / size).is_multiple_of(4) { share } else { 0.0 }).collect();
     let kernel = weight("means", kind, &[3, 3, STRIDE, STRIDE], &values);
     (node("Conv", &["image", "means"], output, &[("strides", &[STRIDE as i64; 2])]), kernel)
 }
