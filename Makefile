@@ -6,7 +6,7 @@ KEEP ?= 0
 export NODEVICE_SELECT = 1
 
 help: ## Say what there is
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 22
 	@echo '  DATASET=KIND:PATH for demo (synthetic:SEED, replica:, tum:, 7scenes:), KEEP=1 keeps the server up'
 
 deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
@@ -29,4 +29,12 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-gpu --bench engine
 	cargo bench -p lexsplat-server --bench query
 
-.PHONY: help deps demo test bench
+training-test: .venv/export ## Tests of the scripts that export networks (installs PyTorch into .venv/: 3 GB)
+	cd training && ../.venv/bin/python -m pytest -q tests
+
+.venv/export: training/requirements-export.txt
+	python3 -m venv .venv
+	.venv/bin/pip install --quiet -r $<
+	@touch $@
+
+.PHONY: help deps demo test bench training-test

@@ -3,6 +3,7 @@
 mod backpressure;
 mod bad_input;
 mod clock;
+mod bundles;
 mod end_to_end;
 mod evaluate;
 mod exports;

@@ -1,6 +1,8 @@
 //! What the integration tests share: a server in this process with real listeners, a robot in a
-//! synthetic room, and what is true of that room.
+//! synthetic room, and what is true of that room; and bundles of networks that are made on the spot.
 
+pub mod bundle;
+pub mod onnx;
 mod robot;
 mod server;
 

@@ -1,0 +1,133 @@
+//! How well codes stay readable while the online stage learns, and what one keyframe costs it.
+//!
+//! In: a sequence's images, in order: each is a keyframe. Out: rows of CSV (scene, stage, keyframe,
+//! first_carried, first_frozen, all_carried, all_frozen, milliseconds): cosines between 32-D codes
+//! and what their 15-D codes decode to, for the first keyframe's and for all so far, when codes are
+//! carried over as the server does, and when they are written once. Milliseconds: learning from that
+//! keyframe. `training/plot_codes.py` draws it.
+//!
+//! ```sh
+//! cargo run -p lexsplat-server --example codes_over_time -- --scene kitchen --csv codes.csv kitchen/*.jpg
+//! ```
+
+use anyhow::Context as _;
+use clap::Parser;
+use lexsplat_server::pipeline::compressor::{
+    CompressorConfig, GENERIC, OnlineStage, Stage, carry_over, online,
+};
+use lexsplat_server::pipeline::encoder::{LanguageConfig, Vision};
+use lexsplat_server::pipeline::frame::{Frame, Intrinsics};
+use lexsplat_server::pipeline::network::Bundle;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Codes of a keyframe that are followed, evenly spread.
+const FOLLOWED: usize = 200;
+
+/// How well codes stay readable while the online stage learns.
+#[derive(Parser)]
+struct Arguments {
+    /// What the sequence is called in the CSV.
+    #[arg(long)]
+    scene: String,
+    /// The file that rows are added to.
+    #[arg(long)]
+    csv: PathBuf,
+    /// The bundle of networks.
+    #[arg(long, default_value = "models/tiny")]
+    models: PathBuf,
+    /// JPEG or PNG images, in order.
+    #[arg(required = true)]
+    images: Vec<PathBuf>,
+}
+
+fn frame(path: &Path) -> anyhow::Result<Frame> {
+    let image = image::open(path).with_context(|| path.display().to_string())?.into_rgb8();
+    let (width, height) = image.dimensions();
+    Ok(Frame {
+        sequence: 0,
+        timestamp_nanos: 0,
+        intrinsics: Intrinsics { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 },
+        depth_metres: vec![0.0; (width * height) as usize].into(),
+        rgb: image.into_raw().into(),
+        world_from_camera: None,
+        hint: None,
+    })
+}
+
+/// Codes of one keyframe: what they should say, carried over, and as first written.
+struct Followed {
+    truth: Vec<f32>,
+    carried: Vec<f32>,
+    frozen: Vec<f32>,
+}
+
+fn cosine(stage: &dyn OnlineStage, codes: &[f32], truth: &[f32]) -> f32 {
+    let decoded = stage.decode(codes);
+    let products = decoded.iter().zip(truth).map(|(a, b)| a * b);
+    products.sum::<f32>() * GENERIC as f32 / truth.len() as f32
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
+    let count = values.len() as f32;
+    values.sum::<f32>() / count
+}
+
+fn sampled(codes: &[f32]) -> Vec<f32> {
+    let stride = (codes.len() / GENERIC / FOLLOWED).max(1);
+    codes.chunks_exact(GENERIC).step_by(stride).flatten().copied().collect()
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let config = LanguageConfig { models: arguments.models, ..LanguageConfig::default() };
+    let mut vision = Vision::new(Bundle::load(&config)?.split().0);
+    let codes = arguments
+        .images
+        .iter()
+        .map(|path| Ok(vision.run(&frame(path)?)?.codes))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let is_new = !arguments.csv.exists();
+    let mut csv = std::fs::OpenOptions::new().create(true).append(true).open(&arguments.csv)?;
+    if is_new {
+        writeln!(
+            csv,
+            "scene,stage,keyframe,first_carried,first_frozen,all_carried,all_frozen,milliseconds"
+        )?;
+    }
+    for (name, kind) in [("linear", Stage::Linear), ("mlp", Stage::Mlp)] {
+        let mut stage = online(&CompressorConfig { stage: kind, ..CompressorConfig::default() });
+        let mut written: Vec<Followed> = Vec::new();
+        let mut times = Vec::new();
+        for (at, codes) in codes.iter().enumerate() {
+            let before = stage.boxed_clone();
+            let started = Instant::now();
+            let advanced = stage.observe(codes);
+            times.push(started.elapsed().as_secs_f32() * 1e3);
+            for keyframe in written.iter_mut().filter(|_| advanced) {
+                carry_over(&*before, &*stage, &mut keyframe.carried);
+            }
+            let truth = sampled(codes);
+            let code = stage.encode(&truth);
+            written.push(Followed { truth, carried: code.clone(), frozen: code });
+            let carried = |followed: &Followed| cosine(&*stage, &followed.carried, &followed.truth);
+            let frozen = |followed: &Followed| cosine(&*stage, &followed.frozen, &followed.truth);
+            writeln!(
+                csv,
+                "{},{name},{at},{:.4},{:.4},{:.4},{:.4},{:.3}",
+                arguments.scene,
+                carried(&written[0]),
+                frozen(&written[0]),
+                mean(written.iter().map(carried)),
+                mean(written.iter().map(frozen)),
+                times[at]
+            )?;
+        }
+        times.remove(0);
+        times.sort_by(f32::total_cmp);
+        let median = times.get(times.len() / 2).copied().unwrap_or_default();
+        println!("{} {name}: {median:.2} ms to learn from a keyframe (median)", arguments.scene);
+    }
+    Ok(())
+}
