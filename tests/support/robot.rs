@@ -82,8 +82,7 @@ impl Robot {
                 Some(Message::Frame(frame)) => {
                     let view = &self.views[frame.sequence as usize];
                     frame.set_label_format(v1::LabelFormat::Png);
-                    frame.labels =
-                        synthetic::write::mask_png(view).expect("it encodes").into();
+                    frame.labels = synthetic::write::mask_png(view).expect("it encodes").into();
                 }
                 None => {}
             }

@@ -4,7 +4,7 @@
 //! queue makes the asker wait.
 
 use super::answer::{Answer, Heatmap, Picture, Timing};
-use super::clusters::{Density, objects};
+use super::clusters::{Clusters, Density, clustered};
 use super::picture::{self, PaletteCache};
 use super::presence::Presence;
 use super::relevancy::Comparison;
@@ -262,10 +262,10 @@ impl Worker {
         let scores = self.space.scores(&mut self.decoder, snapshot, comparison, threshold)?;
         let density =
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
-        let mut found = objects(&scores.relevant, density);
+        let Clusters { mut objects, points } = clustered(&scores.relevant, density);
         let enough = self.config.cluster_points;
         let confidence = self.presence.confidence(scores.all.iter().copied(), enough);
-        found.truncate(query.max_objects);
+        objects.truncate(query.max_objects);
         timing.score = lap(&mut clock);
         let outputs = query.outputs;
         Ok(Answer {
@@ -278,10 +278,8 @@ impl Worker {
             mask: None,
             boxes: None,
             peak: None,
-            points: outputs
-                .points
-                .then(|| scores.relevant.iter().map(|weighted| weighted.point).collect()),
-            objects: outputs.objects.then_some(found),
+            points: outputs.points.then_some(points),
+            objects: outputs.objects.then_some(objects),
             timing,
         })
     }
