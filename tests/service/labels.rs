@@ -90,6 +90,9 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
 
     // What is in the log makes the same map: labels included.
     let server = Server::start(config).await;
+    // Calls are answered when all maps are there again.
+    let known = server.client().await.list_maps(v1::ListMapsRequest {}).await.expect("it answers");
+    assert_eq!(known.into_inner().maps.len(), 2);
     server.settled("said").await;
     let again = snapshot(&server, "said");
     assert_eq!(again.keyframes.len(), said.keyframes.len());

@@ -359,7 +359,7 @@ mod tests {
         let bad = scores(&[lamp, sofa], &[on_sofa, on_lamp]);
         for score in &bad {
             assert!(!score.peak_in_box && !score.peak_on_mask, "{score:?}");
-            assert!(score.average_precision < 0.16 && score.iou_paper < 0.05, "{score:?}");
+            assert!(score.average_precision < 0.17 && score.iou_paper < 0.05, "{score:?}");
             assert!(score.iou_released < 0.05 && score.iou_argmax < 0.05, "{score:?}");
         }
         let means = scene(&good);

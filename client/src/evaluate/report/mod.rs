@@ -257,6 +257,30 @@ pub(super) mod tests {
         Space { threshold: 0.5, means, labels: vec![label], counts, counted_within_one }
     }
 
+    fn some_language(scene: LabelMeans) -> Language {
+        Language {
+            test_frames: vec![1, 6],
+            bundle_threshold: 0.87,
+            scene,
+            classes: vec![ClassScore { label: "sofa".into(), frames: 2, means: scene }],
+            latency: Latency { questions: 20, p50_ms: 25.0, p99_ms: 310.0, mean_ms: 30.0 },
+            scores: Vec::new(),
+        }
+    }
+
+    fn some_presence() -> Presence {
+        Presence::of(
+            vec![Judgement {
+                text: "sofa".into(),
+                frame: None,
+                there: true,
+                present: true,
+                confidence: 0.9,
+            }],
+            &["sofa".to_owned()],
+        )
+    }
+
     /// A report with something everywhere.
     pub fn some_report() -> Report {
         let scene = LabelMeans {
@@ -313,25 +337,9 @@ pub(super) mod tests {
             ate: Some(Ate { rmse_cm: 0.0, mean_cm: 0.0, median_cm: 0.0, max_cm: 0.0, frames: 39 }),
             held_out: ViewMeans::of(views.iter().filter(|view| !view.keyframe)),
             keyframe_views: ViewMeans::of(views.iter().filter(|view| view.keyframe)),
-            language: Some(Language {
-                test_frames: vec![1, 6],
-                bundle_threshold: 0.87,
-                scene,
-                classes: vec![ClassScore { label: "sofa".into(), frames: 2, means: scene }],
-                latency: Latency { questions: 20, p50_ms: 25.0, p99_ms: 310.0, mean_ms: 30.0 },
-                scores: Vec::new(),
-            }),
+            language: Some(some_language(scene)),
             space: Some(some_space()),
-            presence: Some(Presence::of(
-                vec![Judgement {
-                    text: "sofa".into(),
-                    frame: None,
-                    there: true,
-                    present: true,
-                    confidence: 0.9,
-                }],
-                &["sofa".to_owned()],
-            )),
+            presence: Some(some_presence()),
             stages: [("decode".to_owned(), stage)].into(),
             config: Some("[mapper]\nmax_gaussians = 200000\n".into()),
             paper: PAPER,

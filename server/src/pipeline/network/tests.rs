@@ -142,6 +142,11 @@ fn values_that_cannot_be_are_named() {
         ("std=", "std = [1.0, 0.0, 1.0]", ["image.std", "above 0", "0.0"]),
         ("temperature=", "temperature = -1.0", ["relevancy.temperature", "more than 0", "-1"]),
         ("bias=", "bias = nan", ["relevancy.bias", "finite", "NaN"]),
+        (
+            "confidence_steepness=",
+            "confidence_steepness = 0.0",
+            ["relevancy.confidence_steepness", "more than 0", "0"],
+        ),
         ("negatives=", "negatives = []", ["relevancy.negatives", "at least 1", "0"]),
         ("tokenizer=", "tokenizer = \"../tokenizer.json\"", ["file", "below", "../tokenizer.json"]),
     ];

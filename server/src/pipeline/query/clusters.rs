@@ -36,9 +36,25 @@ const NEIGHBOURS: usize = 3;
 /// Reaches up to this are of level 0, metres; each level holds twice as far ones.
 const LEAST_REACH: f32 = 0.02;
 
-/// Clusters as objects, best first.
-pub(super) fn objects(relevant: &[Weighted], density: Density) -> Vec<Object> {
-    let mut found: Vec<Object> = clusters(relevant, density)
+/// What hangs together.
+pub(super) struct Clusters {
+    /// Best first.
+    pub objects: Vec<Object>,
+    /// The points that belong to an object, in order: without floaters.
+    pub points: Vec<ScoredPoint>,
+}
+
+/// Clusters as objects, and their points.
+pub(super) fn clustered(relevant: &[Weighted], density: Density) -> Clusters {
+    let clusters = clusters(relevant, density);
+    let mut members: Vec<usize> = clusters.iter().flatten().copied().collect();
+    members.sort_unstable();
+    let points = members.into_iter().map(|at| relevant[at].point).collect();
+    Clusters { objects: objects(relevant, clusters), points }
+}
+
+fn objects(relevant: &[Weighted], clusters: Vec<Vec<usize>>) -> Vec<Object> {
+    let mut found: Vec<Object> = clusters
         .into_iter()
         .map(|members| object(&members.iter().map(|&at| relevant[at]).collect::<Vec<_>>()))
         .collect();
@@ -195,6 +211,10 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
+    fn objects(relevant: &[Weighted], density: Density) -> Vec<Object> {
+        clustered(relevant, density).objects
+    }
+
     const DENSITY: Density = Density { metres: 0.08, points: 8 };
 
     fn weighted(position: Point3<f32>, score: f32) -> Weighted {
@@ -222,9 +242,14 @@ mod tests {
         assert!((found[1].center - Point3::origin()).norm() < 0.03, "{:?}", found[1]);
         assert!((found[0].score - 0.9).abs() < 1e-5 && (found[1].score - 0.7).abs() < 1e-5);
         assert_eq!((found[0].points, found[1].points), (300, 300));
+        // Floaters are among the points of no answer, and nothing else is missing.
+        let kept = clustered(&points, DENSITY).points;
+        assert_eq!(kept.len(), 600);
+        assert!(kept.iter().all(|point| point.score < 0.95), "the floaters' is 0.99");
 
         // Negative control: neighbours as far as the gap make one of them.
-        assert_eq!(objects(&points, Density { metres: 0.5, points: 8 }).len(), 1);
+        let merged = objects(&points, Density { metres: 0.8, points: 8 });
+        assert!(merged.iter().any(|object| object.points == 600), "{merged:?}");
         // And nothing is large enough for a thousand.
         assert!(objects(&points, Density { metres: 0.08, points: 1000 }).is_empty());
     }

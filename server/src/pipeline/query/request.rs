@@ -98,7 +98,8 @@ pub struct Outputs {
     pub mask: bool,
     /// One box per connected region of the mask (2D).
     pub boxes: bool,
-    /// Relevant Gaussians' centres with their scores (3D).
+    /// Centres with their scores of the relevant Gaussians that belong to some object, the smallest and
+    /// those beyond `max_objects` too (3D).
     pub points: bool,
     /// Relevant Gaussians clustered into objects (3D).
     pub objects: bool,

@@ -4,7 +4,7 @@
 //! queue makes the asker wait.
 
 use super::answer::{Answer, Heatmap, Picture, ScoredPoint, Segmentation, Timing};
-use super::clusters::{Density, objects};
+use super::clusters::{Clusters, Density, clustered};
 use super::picture::{self, PaletteCache};
 use super::presence::Presence;
 use super::relevancy::Comparison;
@@ -332,14 +332,14 @@ impl Worker {
         let scores = self.space.scores(&mut self.decoder, snapshot, comparison, threshold)?;
         let density =
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
-        let mut found = objects(&scores.relevant, density);
-        place::sort_out(&mut found, &query.place);
-        let within = |point: &ScoredPoint| {
+        let Clusters { mut objects, mut points } = clustered(&scores.relevant, density);
+        place::sort_out(&mut objects, &query.place);
+        points.retain(|point: &ScoredPoint| {
             query.place.within.is_none_or(|within| within.contains(&point.position))
-        };
+        });
         let enough = self.config.cluster_points;
         let confidence = self.presence.confidence(scores.all.iter().copied(), enough);
-        found.truncate(query.max_objects);
+        objects.truncate(query.max_objects);
         timing.score = lap(&mut clock);
         let outputs = query.outputs;
         Ok(Answer {
@@ -352,10 +352,8 @@ impl Worker {
             mask: None,
             boxes: None,
             peak: None,
-            points: outputs.points.then(|| {
-                scores.relevant.iter().map(|weighted| weighted.point).filter(within).collect()
-            }),
-            objects: outputs.objects.then_some(found),
+            points: outputs.points.then_some(points),
+            objects: outputs.objects.then_some(objects),
             timing,
         })
     }
