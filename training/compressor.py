@@ -1,6 +1,7 @@
 """Generic compressor: D language features to 32-D codes and back, two small MLPs.
 
-In:  encoder.pt (from encoder.py), labelled frames, the text tower and a vocabulary.
+In:  encoder.pt (from encoder.py), labelled frames, the text tower and a vocabulary; with --start
+     the graphs of an earlier run to go on from.
 Out: compress.onnx (features [1, D, h, w] -> codes [1, 32, h, w]) and decompress.onnx
      (codes [n, 32] -> features [n, D]); all outputs have unit length.
 
@@ -14,7 +15,9 @@ import time
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
+from onnx import numpy_helper
 from torch import nn
 from torch.nn import functional as F
 from tqdm import trange
@@ -60,6 +63,15 @@ class Decompress(nn.Module):
         return unit(self.straight(codes) + self.layers(codes), 1)
 
 
+def resume(compress, decompress, folder):
+    """Weights from the graphs of an earlier run: their tensors bear our names."""
+    for network, name in ((compress, "compress.onnx"), (decompress, "decompress.onnx")):
+        stored = {w.name: numpy_helper.to_array(w)
+                  for w in onnx.load(folder / name).graph.initializer}
+        network.load_state_dict({key: torch.from_numpy(stored[key].copy())
+                                 for key in network.state_dict()})
+
+
 @torch.inference_mode()
 def collect(encoder, srd, args, words, per_frame=250):
     """Pixel features of all frames: [n, D]."""
@@ -87,13 +99,13 @@ def draw(pixels, texts, frequent, random, size):
     return unit(batch + noise * torch.rand(len(batch), 1, generator=random), 1)
 
 
-def train(compress, decompress, pixels, texts, frequent, steps):
+def train(compress, decompress, pixels, texts, frequent, args):
     """Adam with a cosine rate on random batches."""
     random = torch.Generator().manual_seed(SEED)
     both = [*compress.parameters(), *decompress.parameters()]
-    optimiser = torch.optim.AdamW(both, lr=2e-3, weight_decay=1e-5)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    with trange(steps) as bar:
+    optimiser = torch.optim.AdamW(both, lr=args.rate, weight_decay=1e-5)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, args.steps)
+    with trange(args.steps, mininterval=10) as bar:
         for _ in bar:
             batch = draw(pixels, texts, frequent, random, 1024)
             back = decompress(compress(batch[:, :, None, None])[:, :, 0, 0])
@@ -138,7 +150,9 @@ def main():
     parser.add_argument("--encoder", type=Path, required=True, help="encoder.pt")
     parser.add_argument("--text", type=Path, required=True, help="folder with text.onnx")
     parser.add_argument("--vocabulary", type=Path, required=True, help="nouns.json")
+    parser.add_argument("--start", type=Path, help="folder of an earlier run to go on from")
     parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     torch.manual_seed(SEED)
@@ -153,7 +167,9 @@ def main():
     texts = torch.from_numpy(tower([noun for noun in nouns if noun not in set(held_out)]))
     frequent = torch.from_numpy(tower([*words.names, "object", "things", "stuff", "texture"]))
     compress, decompress = Compress(), Decompress()
-    train(compress, decompress, pixels, texts, frequent, args.steps)
+    if args.start:
+        resume(compress, decompress, args.start)
+    train(compress, decompress, pixels, texts, frequent, args)
     report(compress, decompress, "pixel features", pixels)
     report(compress, decompress, "words in the frames", frequent)
     report(compress, decompress, "vocabulary", texts)

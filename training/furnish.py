@@ -416,7 +416,7 @@ def write_room(folder, room, caster, random, args):
     (folder / "instances.json").write_text(json.dumps(rows))
     poses, seen = [], 0
     for number in range(args.views):
-        found = view(room, caster, random, number % 3 == 2)
+        found = view(room, caster, random, number % args.close == args.close - 1)
         if found is None:
             continue
         pose, focal = found
@@ -447,6 +447,7 @@ def main():
     parser.add_argument("--held-out", action="store_true", help="place held-out kinds as well")
     parser.add_argument("--seeds", type=int, nargs=2, required=True, help="first and last + 1")
     parser.add_argument("--views", type=int, default=12, help="views of each room")
+    parser.add_argument("--close", type=int, default=3, help="every n-th view is from near")
     parser.add_argument("--width", type=int, default=448)
     parser.add_argument("--height", type=int, default=336)
     parser.add_argument("--samples", type=int, default=1, help="rays per pixel and axis")

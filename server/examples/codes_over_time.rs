@@ -53,6 +53,8 @@ fn frame(path: &Path) -> anyhow::Result<Frame> {
         rgb: image.into_raw().into(),
         world_from_camera: None,
         hint: None,
+        labels: None,
+        held_out: false,
     })
 }
 
@@ -82,7 +84,10 @@ fn sampled(codes: &[f32]) -> Vec<f32> {
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     let config = LanguageConfig { models: arguments.models, ..LanguageConfig::default() };
-    let mut vision = Vision::new(Bundle::load(&config)?.split().0);
+    let mut vision = Vision::new(
+        Bundle::load(&config)?.split().0,
+        Box::new(|_| Err("no labels are given".into())),
+    );
     let codes = arguments
         .images
         .iter()

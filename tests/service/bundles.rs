@@ -34,6 +34,8 @@ fn frame(robot: &Robot, at: usize) -> Frame {
         depth_metres: robot.views[at].depth.clone().into(),
         world_from_camera: None,
         hint: None,
+        labels: None,
+        held_out: false,
     }
 }
 
@@ -52,7 +54,8 @@ fn one_graph_says_what_three_do() {
         .map(|form| {
             let folder = written(&Made::new(form));
             let bundle = Bundle::load(&config(folder.path())).expect("it is right");
-            let mut vision = Vision::new(bundle.split().0);
+            let mut vision =
+                Vision::new(bundle.split().0, Box::new(|_| Err("no labels are given".into())));
             // The same memory twice.
             [0, 1].map(|at| vision.run(&frame(&robot, at)).expect("it runs").codes)
         })

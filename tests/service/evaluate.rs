@@ -63,7 +63,7 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     assert!(report.peak_rss_bytes.is_some_and(|bytes| bytes > 50 << 20));
 
     let language = report.language.as_ref().expect("the room knows its things");
-    assert_eq!(language.bundle_threshold, 0.87);
+    assert_eq!(language.bundle_threshold, 0.5);
     assert!(language.classes.len() >= 5, "{:?}", language.classes);
     let scene = &language.scene;
     // Knows much more than a map that knows nothing, whose precision is the share.

@@ -2,8 +2,8 @@
 
 mod backpressure;
 mod bad_input;
-mod clock;
 mod bundles;
+mod clock;
 mod end_to_end;
 mod evaluate;
 mod exports;
