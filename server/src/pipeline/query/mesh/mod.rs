@@ -205,10 +205,10 @@ fn render(
 /// without those far away.
 fn without_edges(depth: &[f32], width: usize, truncation: f32) -> Vec<f32> {
     let is_edge = |at: usize| {
-        let here = depth[at];
+        let (here, column) = (depth[at], at % width);
         let differs = |other: usize| depth[other] > 0.0 && (depth[other] - here).abs() > truncation;
-        (at % width > 0 && differs(at - 1))
-            || (at % width + 1 < width && differs(at + 1))
+        (column > 0 && differs(at - 1))
+            || (column + 1 < width && differs(at + 1))
             || (at >= width && differs(at - width))
             || (at + width < depth.len() && differs(at + width))
     };
