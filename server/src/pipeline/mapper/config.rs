@@ -38,7 +38,7 @@ pub struct MapperConfig {
     pub steps_per_keyframe: usize,
     /// Steps that are taken behind each frame even when others wait.
     pub steps_per_frame: usize,
-    /// Half of the steps go to this many newest keyframes, half to any.
+    /// What a frame shows is new if none of this many newest keyframes shows it.
     pub window: usize,
     /// Every how many steps language is optimised as well.
     pub language_every: usize,

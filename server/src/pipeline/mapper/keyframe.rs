@@ -29,6 +29,8 @@ pub(super) struct Keyframe {
     pub is_estimated: bool,
     /// Of its pose's and exposure's refinement.
     pub moments: Moments,
+    /// Optimiser steps on it so far.
+    pub steps: usize,
     /// The networks failed on it.
     pub is_without_language: bool,
     /// Its language, once the networks are done.
@@ -76,6 +78,7 @@ impl Keyframe {
             exposure: [-a as f32, (-b * (-a).exp()) as f32],
             is_estimated: tracked.is_estimated,
             moments: Moments::default(),
+            steps: 0,
             is_without_language: false,
             generic: None,
         })

@@ -1,8 +1,9 @@
-//! One optimiser step on one view, drawn from the window or from all keyframes.
+//! One optimiser step on one view: the one that had the fewest so far, or any.
 
 use super::{Mapper, MapperConfig};
 use lexsplat_gpu::{GpuError, HeadRates, LearningRates, LossWeights, TrainingView};
 use rand::Rng;
+use std::cmp::Reverse;
 
 impl Mapper {
     /// Takes one of the steps that are left.
@@ -10,6 +11,7 @@ impl Mapper {
         self.steps_left -= 1;
         let Some(at) = self.draw() else { return Ok(()) };
         self.steps_done += 1;
+        self.keyframes[at].steps += 1;
         let with_language = self.steps_done.is_multiple_of(self.config.language_every.max(1));
         if with_language {
             self.refresh_target(at)?;
@@ -34,18 +36,14 @@ impl Mapper {
         Ok(())
     }
 
-    /// Half of the time one of the newest keyframes, half of the time any.
+    /// Half of the time any keyframe, half of the time the one that had the fewest steps, of equals the
+    /// newest: new ones catch up at once, and when the last have, all go on alike.
     fn draw(&mut self) -> Option<usize> {
-        let count = self.keyframes.len();
-        if count == 0 {
-            return None;
+        if self.rng.random_bool(0.5) && !self.keyframes.is_empty() {
+            return Some(self.rng.random_range(0..self.keyframes.len()));
         }
-        let first = if self.rng.random_bool(0.5) {
-            count.saturating_sub(self.config.window.max(1))
-        } else {
-            0
-        };
-        Some(self.rng.random_range(first..count))
+        let all = self.keyframes.iter().enumerate();
+        all.min_by_key(|(at, keyframe)| (keyframe.steps, Reverse(*at))).map(|(at, _)| at)
     }
 }
 

@@ -96,7 +96,7 @@ impl Default for TrackerConfig {
     fn default() -> Self {
         Self {
             method: TrackerMethod::GaussNewton,
-            width: 320,
+            width: 640,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
             photometric_weight: 1e3,
