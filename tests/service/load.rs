@@ -14,6 +14,26 @@ const FRAMES: usize = 36;
 /// People who ask one question after the other.
 const ASKERS: usize = 3;
 
+/// One question after the other, of four kinds in turn, for as long as it goes on.
+async fn ask(base: String, asker: usize, going: Arc<AtomicBool>, answered: Arc<AtomicUsize>) {
+    let http = reqwest::Client::new();
+    let mut number = asker;
+    while going.load(Ordering::SeqCst) {
+        let query = http.post(format!("{base}/query"));
+        let request = match number % 4 {
+            0 => query.json(&json!({"text": "chair"})),
+            1 => query.json(&json!({"text": "lamp", "view": {"frame": number % 18}})),
+            2 => http.get(format!("{base}/render?frame={}", number % 18)),
+            _ => query.json(&json!({"texts": ["a", "b"]})),
+        };
+        let reply = request.send().await.expect("the server answers");
+        let is_answer = reply.status().is_success();
+        assert!(is_answer, "{}", reply.text().await.unwrap_or_default());
+        answered.fetch_add(1, Ordering::SeqCst);
+        number += ASKERS;
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn questions_while_mapping_cost_no_frame() {
     let server = Server::start(tiny_config()).await;
@@ -30,28 +50,7 @@ async fn questions_while_mapping_cost_no_frame() {
         .map(|asker| {
             let base = server.url("/v1/maps/busy");
             let (going, answered) = (going.clone(), answered.clone());
-            tokio::spawn(async move {
-                let http = reqwest::Client::new();
-                let mut number = asker;
-                while going.load(Ordering::SeqCst) {
-                    let request = match number % 4 {
-                        0 => http.post(format!("{base}/query")).json(&json!({"text": "chair"})),
-                        1 => http
-                            .post(format!("{base}/query"))
-                            .json(&json!({"text": "lamp", "view": {"frame": number % 18}})),
-                        2 => http.get(format!("{base}/render?frame={}", number % 18)),
-                        _ => http.post(format!("{base}/query")).json(&json!({"texts": ["a", "b"]})),
-                    };
-                    let reply = request.send().await.expect("the server answers");
-                    assert!(
-                        reply.status().is_success(),
-                        "{}",
-                        reply.text().await.unwrap_or_default()
-                    );
-                    answered.fetch_add(1, Ordering::SeqCst);
-                    number += ASKERS;
-                }
-            })
+            tokio::spawn(ask(base, asker, going, answered))
         })
         .collect();
     let mesh = tokio::spawn(reqwest::get(server.url("/v1/maps/busy/export/mesh.ply?voxel=0.05")));

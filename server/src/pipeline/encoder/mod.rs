@@ -109,10 +109,6 @@ pub struct Vision {
 }
 
 /// The networks, each in its stage.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a process has one of it, which moves once at the start"
-)]
 enum Stages {
     Folded { network: Network, compressor: Option<GenericEncoder> },
     Apart { encoder: Network, srd: SuperResolution, compressor: GenericEncoder },

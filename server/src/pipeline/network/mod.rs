@@ -72,10 +72,6 @@ pub struct VisionNetworks {
 }
 
 /// `[1, 3, height, width]` -> generic codes `[1, 32, grid height, grid width]`, unit length over 32.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a process has one of it, which moves once at the start"
-)]
 pub enum VisionStages {
     /// In one graph.
     Folded {

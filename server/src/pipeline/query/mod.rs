@@ -10,6 +10,7 @@
 mod answer;
 mod boxes;
 mod clusters;
+mod cosines;
 mod mesh;
 mod picture;
 mod place;

@@ -4,7 +4,8 @@
 //! feature, q the query, all of unit length, and t and b the bundle's temperature and bias (the
 //! paper: 10 and 0). 0.5: nearer to the query than to the nearest negative by b / t.
 
-use ndarray::{Array2, ArrayView1, ArrayView2};
+use super::cosines::cosines;
+use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
 /// Features that one core compares at a time.
@@ -46,15 +47,13 @@ impl Comparison {
         features
             .par_chunks(BATCH * size)
             .flat_map_iter(|batch| {
-                let rows = ArrayView2::from_shape((batch.len() / size, size), batch)
-                    .expect("features are of the words' size");
-                let cosines = rows.dot(&self.words.t());
-                let relevancy = |row: ArrayView1<'_, f32>| {
-                    let nearest = row.iter().skip(1).copied().fold(f32::NEG_INFINITY, f32::max);
+                let cosines = cosines(batch, &self.words);
+                let relevancy = |row: &[f32]| {
+                    let nearest = row[1..].iter().copied().fold(f32::NEG_INFINITY, f32::max);
                     // The least pair is that with the nearest negative.
                     1.0 / (1.0 + (temperature * (nearest - row[0]) + bias).exp())
                 };
-                cosines.rows().into_iter().map(relevancy).collect::<Vec<_>>()
+                cosines.chunks_exact(self.words.nrows()).map(relevancy).collect::<Vec<_>>()
             })
             .collect()
     }

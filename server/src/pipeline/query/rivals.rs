@@ -4,8 +4,9 @@
 //! are shared, so that the best text is the nearest, argmax f·q. A label is the best text's place in the
 //! list, from 1; 0 where even that is not above the threshold.
 
+use super::cosines::cosines;
 use super::relevancy::{Plane, Scale};
-use ndarray::{Array2, ArrayView1, ArrayView2};
+use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -43,18 +44,16 @@ impl Rivals {
         features
             .par_chunks(BATCH * size)
             .flat_map_iter(|batch| {
-                let rows = ArrayView2::from_shape((batch.len() / size, size), batch)
-                    .expect("features are of the words' size");
-                let cosines = rows.dot(&self.words.t());
-                let relevancies = |row: ArrayView1<'_, f32>| {
-                    let nearest =
-                        row.iter().skip(self.texts).copied().fold(f32::NEG_INFINITY, f32::max);
-                    row.iter()
-                        .take(self.texts)
-                        .map(|cosine| 1.0 / (1.0 + (temperature * (nearest - cosine) + bias).exp()))
-                        .collect::<Vec<_>>()
+                let cosines = cosines(batch, &self.words);
+                let relevancies = |row: &[f32]| {
+                    let (texts, negatives) = row.split_at(self.texts);
+                    let nearest = negatives.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                    let relevancy = |cosine: &f32| {
+                        1.0 / (1.0 + (temperature * (nearest - cosine) + bias).exp())
+                    };
+                    texts.iter().map(relevancy).collect::<Vec<_>>()
                 };
-                cosines.rows().into_iter().flat_map(relevancies).collect::<Vec<_>>()
+                cosines.chunks_exact(self.words.nrows()).flat_map(relevancies).collect::<Vec<_>>()
             })
             .collect()
     }
