@@ -80,8 +80,10 @@ const SWATCH: u32 = 24;
 
 /// `#rrggbb`; black if it is not.
 fn color(text: &str) -> [u8; 3] {
-    let part = |at: usize| text.get(at..at + 2).and_then(|two| u8::from_str_radix(two, 16).ok());
-    [1, 3, 5].map(|at| part(at).unwrap_or_default())
+    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6);
+    let value = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok()).unwrap_or_default();
+    let [_, red, green, blue] = value.to_be_bytes();
+    [red, green, blue]
 }
 
 fn described(found: &Segmentation) -> String {
