@@ -139,7 +139,7 @@ impl Default for MapperConfig {
             insert_depth_error: 0.05,
             insert_color_error: 0.1,
             max_gaussians: 400_000,
-            steps_per_keyframe: 32,
+            steps_per_keyframe: 25,
             steps_per_frame: 1,
             window: 8,
             language_every: 3,
