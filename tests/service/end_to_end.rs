@@ -1,6 +1,5 @@
 //! A robot walks through a room it was never trained on, and plain words find the right things in it.
 
-use lexsplat_server::pipeline::query::{Outputs, Place, Query, View};
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use lexsplat_tests::{Robot, Server, tiny_config};
 use rand::SeedableRng;
@@ -61,33 +60,6 @@ fn shuffled(snapshot: &MapSnapshot) -> Arc<MapSnapshot> {
     Arc::new(changed)
 }
 
-/// How many of the things are found in a snapshot, by where the heat map peaks.
-async fn found_in(
-    server: &Server,
-    robot: &Robot,
-    snapshot: &Arc<MapSnapshot>,
-    things: &[(&'static str, usize)],
-) -> usize {
-    let mut found = 0;
-    for (class, frame) in things {
-        let query = Query {
-            text: (*class).into(),
-            negatives: Vec::new(),
-            view: Some(View::Frame(*frame as u64)),
-            outputs: Outputs::VIEW,
-            threshold: None,
-            smoothing_pixels: None,
-            max_objects: 10,
-            place: Place::default(),
-        };
-        let answer =
-            server.engine.query_snapshot(snapshot.clone(), query).await.expect("it is answered");
-        let peak = answer.peak.expect("a view query has a peak");
-        found += usize::from(robot.class_at(*frame, peak.x as u32, peak.y as u32) == Some(*class));
-    }
-    found
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn words_find_things_and_shuffled_features_do_not() {
     let server = Server::start(tiny_config()).await;
@@ -102,8 +74,8 @@ async fn words_find_things_and_shuffled_features_do_not() {
     assert!(things.len() >= 5, "too little is visible to say anything: {things:?}");
     let map = server.engine.map("room").expect("it is there");
     let snapshot = map.snapshot();
-    let found = found_in(&server, &robot, &snapshot, &things).await;
-    let by_chance = found_in(&server, &robot, &shuffled(&snapshot), &things).await;
+    let found = server.found(&robot, &snapshot, &things).await;
+    let by_chance = server.found(&robot, &shuffled(&snapshot), &things).await;
     println!("found {found} of {}, shuffled {by_chance}: {things:?}", things.len());
     let share = |count: usize| count as f64 / things.len() as f64;
     assert!(share(found) >= FOUND, "found {found} of {things:?}");

@@ -2,11 +2,8 @@
 //! map that is rebuilt from its log knows the same.
 
 use lexsplat_proto::v1::{self, frame_message::Message};
-use lexsplat_server::pipeline::query::{Outputs, Place, Query, View};
-use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use lexsplat_tests::{Robot, Server, first_error, tiny_config};
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 const FRAMES: usize = 24;
 /// A class counts if some keyframe shows it with at least this many pixels.
@@ -20,33 +17,6 @@ fn visible(robot: &Robot, keyframes: &[usize]) -> Vec<(&'static str, usize)> {
         (robot.pixels_of(*best, class) >= VISIBLE_PIXELS).then_some((class, *best))
     };
     classes.into_iter().filter_map(best).collect()
-}
-
-/// Of how many the heat map peaks on the thing.
-async fn found(
-    server: &Server,
-    robot: &Robot,
-    snapshot: &Arc<MapSnapshot>,
-    things: &[(&'static str, usize)],
-) -> usize {
-    let mut found = 0;
-    for (class, frame) in things {
-        let query = Query {
-            text: (*class).into(),
-            negatives: Vec::new(),
-            view: Some(View::Frame(*frame as u64)),
-            outputs: Outputs::VIEW,
-            threshold: None,
-            smoothing_pixels: None,
-            max_objects: 10,
-            place: Place::default(),
-        };
-        let answer =
-            server.engine.query_snapshot(snapshot.clone(), query).await.expect("it is answered");
-        let peak = answer.peak.expect("a view query has a peak");
-        found += usize::from(robot.class_at(*frame, peak.x as u32, peak.y as u32) == Some(*class));
-    }
-    found
 }
 
 /// The same labels, and each stands for another class's name.
@@ -81,8 +51,8 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
     assert!(things.len() >= 5, "too little is visible to say anything: {things:?}");
     let snapshot = |server: &Server, map| server.engine.map(map).expect("it is there").snapshot();
     let said = snapshot(&server, "said");
-    let right = found(&server, &robot, &said, &things).await;
-    let confused = found(&server, &robot, &snapshot(&server, "confused"), &things).await;
+    let right = server.found(&robot, &said, &things).await;
+    let confused = server.found(&robot, &snapshot(&server, "confused"), &things).await;
     println!("found {right} of {}, with exchanged words {confused}", things.len());
     assert!(right >= things.len() - 1, "{right} of {things:?}");
     assert!(confused <= things.len() / 4, "{confused} of {things:?}");
@@ -97,7 +67,7 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
     let again = snapshot(&server, "said");
     assert_eq!(again.keyframes.len(), said.keyframes.len());
     assert!(again.keyframes.iter().all(|keyframe| keyframe.has_language));
-    let rebuilt = found(&server, &robot, &again, &things).await;
+    let rebuilt = server.found(&robot, &again, &things).await;
     assert!(rebuilt >= things.len() - 1, "{rebuilt} of {things:?} after a restart");
     server.stop().await;
 }

@@ -5,6 +5,8 @@ use lexsplat_proto::v1;
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_server::config::Config;
 use lexsplat_server::pipeline::engine::Engine;
+use lexsplat_server::pipeline::query::{Outputs, Place, Query, View};
+use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
@@ -99,6 +101,33 @@ impl Server {
             assert!(map.status().failure.is_none(), "failed: {:?}", map.status());
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
+    }
+
+    /// Of how many things the heat map peaks on the thing: (class, frame that shows it).
+    pub async fn found(
+        &self,
+        robot: &Robot,
+        snapshot: &Arc<MapSnapshot>,
+        things: &[(&'static str, usize)],
+    ) -> usize {
+        let mut found = 0;
+        for (class, frame) in things {
+            let query = Query {
+                text: (*class).into(),
+                negatives: Vec::new(),
+                view: Some(View::Frame(*frame as u64)),
+                outputs: Outputs::VIEW,
+                threshold: None,
+                smoothing_pixels: None,
+                max_objects: 10,
+                place: Place::default(),
+            };
+            let answer = self.engine.query_snapshot(snapshot.clone(), query).await;
+            let peak = answer.expect("it is answered").peak.expect("a view query has a peak");
+            let seen = robot.class_at(*frame, peak.x as u32, peak.y as u32);
+            found += usize::from(seen == Some(*class));
+        }
+        found
     }
 
     /// The address of a path over HTTP.

@@ -2,7 +2,7 @@
 
 use super::super::frame::{Frame, Intrinsics};
 use super::super::snapshot::TrackedFrame;
-use super::super::tracker::{Moments, Tracked};
+use super::super::tracker::{Moments, Tracked, inverse_exposure};
 use super::super::working::Working;
 use super::Mapper;
 use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LanguageTarget};
@@ -31,8 +31,6 @@ pub(super) struct Keyframe {
     pub moments: Moments,
     /// Optimiser steps on it so far.
     pub steps: usize,
-    /// The networks failed on it.
-    pub is_without_language: bool,
     /// Its language, once the networks are done.
     pub generic: Option<GenericCodes>,
 }
@@ -61,7 +59,6 @@ impl Keyframe {
     ) -> Result<Self, GpuError> {
         let world_from_camera = tracked.world_from_camera;
         let working = Working::of(frame, &world_from_camera, train_width);
-        let [a, b] = tracked.exposure;
         let size = (working.camera.width, working.camera.height);
         let target = ColourTarget::new(gpu, size, &working.rgb, &working.depth_metres)?;
         Ok(Self {
@@ -75,11 +72,10 @@ impl Keyframe {
             working,
             target,
             // The other way round: the tracker tells how the frame becomes the map.
-            exposure: [-a as f32, (-b * (-a).exp()) as f32],
+            exposure: inverse_exposure(tracked.exposure).map(|value| value as f32),
             is_estimated: tracked.is_estimated,
             moments: Moments::default(),
             steps: 0,
-            is_without_language: false,
             generic: None,
         })
     }
@@ -108,9 +104,9 @@ impl Keyframe {
 }
 
 impl Mapper {
-    /// Whether the frame shows enough that no keyframe shows, in colour **and** in language (paper §5;
-    /// the released code looks at colour alone), or was taken from far enough away; never of a frame
-    /// that is held out.
+    /// Whether the frame shows enough that no keyframe of the window shows, or was taken from far enough
+    /// away; never of a frame that is held out. Every keyframe gets language, so that what is new in
+    /// colour is new in language (paper §5 asks for both).
     pub(super) fn is_keyframe(&self, frame: &Frame, pose: &Isometry3<f64>) -> bool {
         if frame.held_out {
             return false;
@@ -125,10 +121,8 @@ impl Mapper {
             return true;
         }
         let sample = Sample::of(frame, pose);
-        let newest = || self.keyframes.iter().rev().take(self.config.window.max(1));
-        let colour = sample.novelty(newest());
-        let language = sample.novelty(newest().filter(|keyframe| !keyframe.is_without_language));
-        colour.min(language) > self.config.keyframe_novelty
+        let newest = self.keyframes.iter().rev().take(self.config.window.max(1));
+        sample.novelty(newest) > self.config.keyframe_novelty
     }
 }
 

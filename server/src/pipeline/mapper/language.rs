@@ -12,9 +12,6 @@ use super::keyframe::{GenericCodes, Keyframe};
 use lexsplat_gpu::{Camera, GpuError, HostGaussians, LanguageTarget};
 use nalgebra::Point3;
 
-/// A Gaussian takes a pixel's code if it is no farther behind the measured surface than this share.
-const SURFACE_TOLERANCE: f32 = 0.05;
-
 impl Mapper {
     /// Learns from the keyframe's codes and writes them into the map.
     pub(super) fn write_language(
@@ -94,12 +91,7 @@ fn give_birth(host: &mut HostGaussians, keyframe: &Keyframe, map: &CodeMap<'_>) 
             continue;
         }
         let point = Point3::from(*mean);
-        let Some((u, v, z)) = working.camera.project(&point) else { continue };
-        let Some(pixel) = pixel_of(&working.camera, u, v) else { continue };
-        let measured = working.depth_metres[pixel];
-        // Nothing measured is 0 metres: nothing is on that surface.
-        let is_on_surface = (z - measured).abs() <= SURFACE_TOLERANCE * measured;
-        if !is_on_surface {
+        if !working.shows(&point) {
             continue;
         }
         let Some((u, v, _)) = map.camera.project(&point) else { continue };

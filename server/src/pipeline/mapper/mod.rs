@@ -218,10 +218,6 @@ impl Mapper {
                     Ok(map) => self.write_language(sequence, map),
                     Err(error) => {
                         tracing::error!(sequence, error, "a keyframe stays without language");
-                        let at = |keyframe: &&mut Keyframe| keyframe.frame.sequence == sequence;
-                        if let Some(keyframe) = self.keyframes.iter_mut().find(at) {
-                            keyframe.is_without_language = true;
-                        }
                         Ok(())
                     }
                 }

@@ -5,6 +5,7 @@
 //! the first keyframe's is what all others are relative to. Frames between keyframes move with
 //! theirs.
 
+use super::super::tracker::inverse_exposure;
 use super::Mapper;
 use lexsplat_gpu::align::se3;
 use lexsplat_gpu::{GpuError, StepReport};
@@ -35,8 +36,8 @@ impl Mapper {
         for (exposure, step) in keyframe.exposure.iter_mut().zip([step[6], step[7]]) {
             *exposure += (rates.refine_exposure * step) as f32;
         }
-        let (frame, [a, b]) = (keyframe.frame, keyframe.exposure.map(f64::from));
-        let exposure = [-a, -b * (-a).exp()];
+        let frame = keyframe.frame;
+        let exposure = inverse_exposure(keyframe.exposure.map(f64::from));
         self.tracker.correct_keyframe(frame.sequence, frame.world_from_camera, exposure);
         Ok(())
     }

@@ -42,21 +42,34 @@ impl Comparison {
 
     /// Relevancies, 0..1, of features `[n, D]`, unit length.
     pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
-        let size = self.words.ncols();
-        let Scale { temperature, bias } = self.scale;
-        features
-            .par_chunks(BATCH * size)
-            .flat_map_iter(|batch| {
-                let cosines = cosines(batch, &self.words);
-                let relevancy = |row: &[f32]| {
-                    let nearest = row[1..].iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                    // The least pair is that with the nearest negative.
-                    1.0 / (1.0 + (temperature * (nearest - row[0]) + bias).exp())
-                };
-                cosines.chunks_exact(self.words.nrows()).map(relevancy).collect::<Vec<_>>()
-            })
-            .collect()
+        compared(self.scale, (&self.words, 1), features)
     }
+}
+
+/// Relevancies `[n, texts]`, 0..1, of features `[n, D]` to the first `texts` of the words `[.., D]`; the
+/// others are the negatives. All are of unit length.
+pub(super) fn compared(
+    Scale { temperature, bias }: Scale,
+    (words, texts): (&Array2<f32>, usize),
+    features: &[f32],
+) -> Vec<f32> {
+    let size = words.ncols();
+    features
+        .par_chunks(BATCH * size)
+        .flat_map_iter(|batch| {
+            let cosines = cosines(batch, words);
+            let mut found = Vec::with_capacity(batch.len() / size * texts);
+            for row in cosines.chunks_exact(words.nrows()) {
+                let (texts, negatives) = row.split_at(texts);
+                // The least pair is that with the nearest negative.
+                let nearest = negatives.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                let relevancy =
+                    |cosine: &f32| 1.0 / (1.0 + (temperature * (nearest - cosine) + bias).exp());
+                found.extend(texts.iter().map(relevancy));
+            }
+            found
+        })
+        .collect()
 }
 
 /// An image of one channel, `[height * width]`, row-major.

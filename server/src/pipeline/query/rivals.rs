@@ -4,14 +4,10 @@
 //! are shared, so that the best text is the nearest, argmax f·q. A label is the best text's place in the
 //! list, from 1; 0 where even that is not above the threshold.
 
-use super::cosines::cosines;
-use super::relevancy::{Plane, Scale};
+use super::relevancy::{Plane, Scale, compared};
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 use std::sync::Arc;
-
-/// Features that one core compares at a time.
-const BATCH: usize = 1024;
 
 /// Embedded texts and negatives.
 pub(super) struct Rivals {
@@ -39,23 +35,7 @@ impl Rivals {
 
     /// Relevancies `[n, texts]`, 0..1, of features `[n, D]`, unit length.
     pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
-        let size = self.words.ncols();
-        let Scale { temperature, bias } = self.scale;
-        features
-            .par_chunks(BATCH * size)
-            .flat_map_iter(|batch| {
-                let cosines = cosines(batch, &self.words);
-                let relevancies = |row: &[f32]| {
-                    let (texts, negatives) = row.split_at(self.texts);
-                    let nearest = negatives.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                    let relevancy = |cosine: &f32| {
-                        1.0 / (1.0 + (temperature * (nearest - cosine) + bias).exp())
-                    };
-                    texts.iter().map(relevancy).collect::<Vec<_>>()
-                };
-                cosines.chunks_exact(self.words.nrows()).flat_map(relevancies).collect::<Vec<_>>()
-            })
-            .collect()
+        compared(self.scale, (&self.words, self.texts), features)
     }
 }
 

@@ -52,6 +52,11 @@ pub(super) struct Tracked {
     pub relocalised: bool,
 }
 
+/// If x = exp(a) y + b, then y = exp(a') x + b'.
+pub(super) fn inverse_exposure([a, b]: [f64; 2]) -> [f64; 2] {
+    [-a, -b * (-a).exp()]
+}
+
 /// Says where each frame was taken.
 pub(super) struct Tracker {
     config: TrackerConfig,

@@ -7,7 +7,7 @@
 use super::super::working::Working;
 use super::adam::Moments;
 use super::align::Candidate;
-use super::{PhotometricConfig, Scene};
+use super::{PhotometricConfig, Scene, inverse_exposure};
 use lexsplat_gpu::align::se3;
 use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LossWeights, StepReport};
 use nalgebra::{Isometry3, SVector, Vector6};
@@ -20,7 +20,7 @@ pub(super) fn track(
     gpu: &Gpu,
     scene: &mut Scene<'_>,
     working: &Working,
-    (start, [a, b]): (Isometry3<f64>, [f64; 2]),
+    (start, exposure): (Isometry3<f64>, [f64; 2]),
     config: &PhotometricConfig,
 ) -> Result<Candidate, GpuError> {
     let size = (working.camera.width, working.camera.height);
@@ -34,7 +34,7 @@ pub(super) fn track(
     };
     let mut camera_from_world = start.inverse();
     // The other way round: the frame shows exp(a) of the map's colour + b.
-    let mut exposure = [-a, -b * (-a).exp()];
+    let mut exposure = inverse_exposure(exposure);
     let mut moments = Moments::default();
     for _ in 0..config.iterations {
         let camera =
@@ -63,7 +63,6 @@ pub(super) fn track(
             break;
         }
     }
-    let [a, b] = exposure;
     let found = Candidate::given(camera_from_world.inverse());
-    Ok(Candidate { exposure: [-a, -b * (-a).exp()], ..found })
+    Ok(Candidate { exposure: inverse_exposure(exposure), ..found })
 }
