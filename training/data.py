@@ -25,6 +25,23 @@ STRIDE = 4  # of the label grid against the image
 VOC = ["", "airplane", "bicycle", "bird", "boat", "bottle", "bus", "car", "cat", "chair", "cow",
        "table", "dog", "horse", "motorcycle", "person", "potted plant", "sheep", "sofa", "train",
        "screen"]
+# what else a labelled thing is called: data sets name the same thing differently
+ALSO = {
+    "tv screen": ["screen", "monitor", "television"], "monitor": ["screen", "computer screen"],
+    "screen": ["monitor", "computer monitor", "tv screen"], "television": ["screen", "tv screen"],
+    "desktop computer": ["computer screen", "monitor"], "entertainment center": ["tv screen"],
+    "notebook": ["laptop"], "laptop": ["laptop computer"], "web site": ["screen"],
+    "book jacket": ["book"], "comic book": ["book", "magazine"], "bookcase": ["bookshelf"],
+    "dining table": ["table"], "coffee table": ["table"], "ashcan": ["trash can"],
+    "studio couch": ["sofa"], "four-poster": ["bed"], "folding chair": ["chair"],
+    "rocking chair": ["chair"], "barber chair": ["chair"], "coffee mug": ["mug", "cup"],
+    "mug": ["cup"], "water bottle": ["bottle"], "pop bottle": ["bottle"],
+    "wine bottle": ["bottle"], "beer bottle": ["bottle"], "table lamp": ["lamp"],
+    "lampshade": ["lamp"], "wall clock": ["clock"], "chiffonier": ["chest of drawers"],
+    "china cabinet": ["cabinet"], "medicine chest": ["cabinet"], "file": ["filing cabinet"],
+    "kitchen cabinet": ["cabinet", "cupboard"], "rug": ["carpet"], "photo frame": ["picture"],
+    "computer keyboard": ["keyboard"], "cellular telephone": ["mobile phone"],
+}
 # classes of photographs that are seen indoors: drawn more often
 INDOOR = set("""ashcan|backpack|ballpoint|bath towel|beaker|beer bottle|beer glass|binder|bookcase
 |bookshop|bucket|candle|carton|cellular telephone|chest|chiffonier|china cabinet|coffee mug
@@ -45,12 +62,16 @@ class Words:
     """All words that label pixels, and which words may stand for another (synonyms)."""
 
     def __init__(self, vocabulary=None, held_out=()):
-        """Names in `held_out` never become words, not even as a synonym."""
+        """Names in `held_out` never become words, not even as a synonym.
+
+        A row of the vocabulary brings its synonyms and, as one more, what it defines a thing by.
+        """
         self.names, self.index, self.synonyms = [], {}, []
         self.known, self.held_out = {}, set(held_out)
         if vocabulary:
             for row in json.loads(Path(vocabulary).read_text()):
-                self.known.setdefault(row["name"], row.get("synonyms", []))
+                texts = [*row.get("synonyms", []), row.get("definition")]
+                self.known.setdefault(row["name"], [text for text in texts if text])
 
     def add(self, name, synonyms=()):
         """The index of a word; new words bring their synonyms."""
@@ -58,7 +79,7 @@ class Words:
             self.index[name] = len(self.names)
             self.names.append(name)
             self.synonyms.append([])
-            others = [s for s in [*synonyms, *self.known.get(name, [])]
+            others = [s for s in [*synonyms, *ALSO.get(name, []), *self.known.get(name, [])]
                       if s != name and s not in self.held_out]
             self.synonyms[self.index[name]] = [self.add(s) for s in dict.fromkeys(others)]
         return self.index[name]

@@ -29,7 +29,7 @@ from text import TextEncoder
 # Other ways to say a word of the frames. None was a word or a synonym in training.
 PHRASES = {
     "sofa": ["settee", "something soft to sit on with friends"],
-    "bed": ["a place to sleep", "mattress"],
+    "bed": ["where one lies down at night", "mattress"],
     "chair": ["something to sit on", "seat"],
     "trash can": ["something to throw rubbish in", "waste basket"],
     "television": ["telly", "something to watch films on"],

@@ -8,8 +8,9 @@
 
 use super::answer::{Object, ScoredPoint};
 use super::boxes;
+use nalgebra::Point3;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap as HashMap;
 
 /// A relevant Gaussian.
 #[derive(Clone, Copy, Debug)]
@@ -89,15 +90,8 @@ fn score(members: &[Weighted]) -> f32 {
 /// Indices of the members of every cluster, in the order of their first members.
 fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
     let near = Neighbours::new(relevant, density.metres);
-    let all: Vec<usize> = (0..relevant.len()).collect();
-    let is_core: Vec<bool> =
-        all.par_iter().map(|&at| near.of(at).take(NEIGHBOURS).count() == NEIGHBOURS).collect();
-    let mut groups = Groups::new(relevant.len());
-    for at in (0..relevant.len()).filter(|&at| is_core[at]) {
-        near.of(at).filter(|&other| other < at && is_core[other]).for_each(|other| {
-            groups.join(at, other);
-        });
-    }
+    let is_core: Vec<bool> = near.cores();
+    let mut groups = near.joined(&is_core);
     let host = |at: usize| {
         if is_core[at] {
             return Some(at);
@@ -105,8 +99,8 @@ fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
         let apart = |other: &usize| near.gap(at, *other);
         near.of(at).filter(|&other| is_core[other]).min_by(|a, b| apart(a).total_cmp(&apart(b)))
     };
-    let hosts: Vec<Option<usize>> = all.par_iter().map(|&at| host(at)).collect();
-    let mut place_of: HashMap<usize, usize> = HashMap::new();
+    let hosts: Vec<Option<usize>> = (0..relevant.len()).into_par_iter().map(host).collect();
+    let mut place_of: HashMap<usize, usize> = HashMap::default();
     let mut found: Vec<Vec<usize>> = Vec::new();
     for (at, host) in hosts.into_iter().enumerate() {
         let Some(host) = host else { continue };
@@ -120,32 +114,43 @@ fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
     found
 }
 
-type Cell = [i32; 3];
-
-/// Who is near whom: a grid for each level of reach, with cells as large as its neighbours can be apart,
-/// so that the many small ones need not be looked for as far as the few large ones.
+/// Who is near whom (Gunawan's grid for DBSCAN, 2013): first into blocks so small that all within one
+/// are neighbours, so that a dense thing costs as much as its blocks and not as its pairs; then blocks
+/// into a grid.
 struct Neighbours<'a> {
     relevant: &'a [Weighted],
     metres: f32,
-    /// By level: the furthest reach in it, side of a cell, who is in each cell.
-    levels: Vec<(f32, f32, HashMap<Cell, Vec<usize>>)>,
+    blocks: Vec<Block>,
+    /// The block of each.
+    block_of: Vec<u32>,
+    /// By level: the furthest reach of a block in it, side of a cell, which blocks are in each cell.
+    levels: Vec<(f32, f32, HashMap<Cell, Vec<u32>>)>,
+}
+
+/// Gaussians that are all neighbours of each other, and a ball that holds them and their reach.
+struct Block {
+    members: Vec<usize>,
+    center: Point3<f32>,
+    reach: f32,
 }
 
 impl<'a> Neighbours<'a> {
     fn new(relevant: &'a [Weighted], metres: f32) -> Self {
-        let mut levels: Vec<(f32, f32, HashMap<Cell, Vec<usize>>)> = Vec::new();
-        for (at, weighted) in relevant.iter().enumerate() {
-            let level = (weighted.reach / LEAST_REACH).max(1.0).log2().ceil() as usize;
+        let blocks = blocks(relevant, metres);
+        let mut block_of = vec![0; relevant.len()];
+        let mut levels: Vec<(f32, f32, HashMap<Cell, Vec<u32>>)> = Vec::new();
+        for (block, at) in blocks.iter().zip(0u32..) {
+            block.members.iter().for_each(|&member| block_of[member] = at);
+            let level = level(block.reach);
             while levels.len() <= level {
-                let most = LEAST_REACH * (1 << levels.len()) as f32;
-                levels.push((most, metres + 2.0 * most, HashMap::new()));
+                let most = furthest(levels.len());
+                levels.push((most, metres + 2.0 * most, HashMap::default()));
             }
             let (_, side, cells) = &mut levels[level];
-            let cell = cell_of(weighted, *side);
-            cells.entry(cell).or_default().push(at);
+            cells.entry(cell_of(&block.center, *side)).or_default().push(at);
         }
         levels.retain(|(_, _, cells)| !cells.is_empty());
-        Self { relevant, metres, levels }
+        Self { relevant, metres, blocks, block_of, levels }
     }
 
     /// What lies between the balls of two, metres; negative where they overlap.
@@ -154,22 +159,112 @@ impl<'a> Neighbours<'a> {
         (a.point.position - b.point.position).norm() - a.reach - b.reach
     }
 
-    /// The neighbours of one, itself among them.
-    fn of(&self, at: usize) -> impl Iterator<Item = usize> {
-        let one = &self.relevant[at];
+    fn are_near(&self, a: usize, b: usize) -> bool {
+        a == b || self.gap(a, b) < self.metres
+    }
+
+    /// The blocks that may hold neighbours of a block's members, itself among them.
+    fn blocks_near(&self, block: &Block) -> impl Iterator<Item = u32> {
+        let far = move |reach: f32| self.metres + block.reach + reach;
         self.levels
             .iter()
             .flat_map(move |(most, side, cells)| {
-                let far = self.metres + one.reach + most;
-                let (center, steps) = (cell_of(one, *side), (far / side).ceil() as i32);
-                around(center, steps).filter_map(|cell| cells.get(&cell)).flatten().copied()
+                let (center, steps) = (cell_of(&block.center, *side), (far(*most) / side).ceil());
+                around(center, steps as i32).filter_map(|cell| cells.get(&cell)).flatten().copied()
             })
-            .filter(move |&other| other == at || self.gap(at, other) < self.metres)
+            .filter(move |&other| {
+                let other = &self.blocks[other as usize];
+                (block.center - other.center).norm_squared() < far(other.reach).powi(2)
+            })
+    }
+
+    /// The neighbours of one, itself among them.
+    fn of(&self, at: usize) -> impl Iterator<Item = usize> {
+        self.blocks_near(&self.blocks[self.block_of[at] as usize])
+            .flat_map(|block| self.blocks[block as usize].members.iter().copied())
+            .filter(move |&other| self.are_near(at, other))
+    }
+
+    /// Who is at the core of something.
+    fn cores(&self) -> Vec<bool> {
+        let is_core = |(at, &block): (usize, &u32)| {
+            self.blocks[block as usize].members.len() >= NEIGHBOURS
+                || self.of(at).take(NEIGHBOURS).count() == NEIGHBOURS
+        };
+        self.block_of.par_iter().enumerate().map(is_core).collect()
+    }
+
+    /// Cores that are neighbours, or neighbours of neighbours and so on, in one group.
+    fn joined(&self, is_core: &[bool]) -> Groups {
+        let cores = |block: u32| {
+            self.blocks[block as usize].members.iter().copied().filter(|&at| is_core[at])
+        };
+        let all = 0..self.blocks.len() as u32;
+        let mut groups = Groups::new(self.relevant.len());
+        for block in all.clone() {
+            let Some(first) = cores(block).next() else { continue };
+            cores(block).for_each(|other| groups.join(first, other));
+        }
+        for block in all {
+            let Some(first) = cores(block).next() else { continue };
+            let near = self.blocks_near(&self.blocks[block as usize]);
+            for other in near.filter(|&other| other < block) {
+                let Some(second) = cores(other).next() else { continue };
+                if groups.of(first) == groups.of(second) {
+                    continue;
+                }
+                if cores(block).any(|a| cores(other).any(|b| self.are_near(a, b))) {
+                    groups.join(first, second);
+                }
+            }
+        }
+        groups
     }
 }
 
-fn cell_of(weighted: &Weighted, side: f32) -> Cell {
-    std::array::from_fn(|axis| (weighted.point.position[axis] / side).floor() as i32)
+/// All of them in blocks: the reaches of a block are of one level.
+fn blocks(relevant: &[Weighted], metres: f32) -> Vec<Block> {
+    let mut place_of: HashMap<(usize, Cell), usize> = HashMap::default();
+    let mut members: Vec<Vec<usize>> = Vec::new();
+    for (at, one) in relevant.iter().enumerate() {
+        let level = level(one.reach);
+        let least = if level == 0 { 0.0 } else { furthest(level - 1) };
+        // Its diagonal is a little less than what neighbours can be apart.
+        let side = 0.57 * (metres + 2.0 * least);
+        let place =
+            *place_of.entry((level, cell_of(&one.point.position, side))).or_insert_with(|| {
+                members.push(Vec::new());
+                members.len() - 1
+            });
+        members[place].push(at);
+    }
+    members.into_iter().map(|members| block(relevant, members)).collect()
+}
+
+fn block(relevant: &[Weighted], members: Vec<usize>) -> Block {
+    let positions = || members.iter().map(|&at| relevant[at].point.position);
+    let low = positions().fold(Point3::from([f32::INFINITY; 3]), |a, b| a.inf(&b));
+    let high = positions().fold(Point3::from([f32::NEG_INFINITY; 3]), |a, b| a.sup(&b));
+    let center = nalgebra::center(&low, &high);
+    let end = |&at: &usize| (relevant[at].point.position - center).norm() + relevant[at].reach;
+    let reach = members.iter().map(end).fold(0.0, f32::max);
+    Block { members, center, reach }
+}
+
+type Cell = [i32; 3];
+
+/// Each level reaches twice as far as the one before.
+fn level(reach: f32) -> usize {
+    (reach / LEAST_REACH).max(1.0).log2().ceil() as usize
+}
+
+/// The furthest reach of a level, metres.
+fn furthest(level: usize) -> f32 {
+    LEAST_REACH * (1 << level) as f32
+}
+
+fn cell_of(position: &Point3<f32>, side: f32) -> Cell {
+    std::array::from_fn(|axis| (position[axis] / side).floor() as i32)
 }
 
 /// A cell and those up to so many steps from it.
@@ -207,7 +302,6 @@ impl Groups {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Point3;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -294,6 +388,61 @@ mod tests {
             pairs += found.len() - 1;
         }
         assert!(pairs > 400, "{pairs}");
+    }
+
+    #[test]
+    fn clusters_are_those_of_a_search_of_all() {
+        // Dense heaps (many to a block), thin air and large ones between.
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut points: Vec<Weighted> = Vec::new();
+        for heap in 0..30 {
+            let mut at = |half: f32| random.random_range(-half..half);
+            let (center, wide) =
+                (Point3::new(at(1.0), at(1.0), at(0.3)), 0.02 * (1 + heap % 8) as f32);
+            for _ in 0..3 * heap {
+                let offset = nalgebra::vector![at(wide), at(wide), at(wide)];
+                let reach = at(1.0).abs().powi(6) * 0.1;
+                points.push(Weighted { reach, ..weighted(center + offset, 0.5) });
+            }
+        }
+        let density = Density { metres: 0.08, points: 1 };
+        let is_near = |a: usize, b: usize| {
+            let (one, other) = (&points[a], &points[b]);
+            let apart = (one.point.position - other.point.position).norm();
+            a == b || apart - one.reach - other.reach < density.metres
+        };
+        let all = 0..points.len();
+        let is_core = |a: usize| all.clone().filter(|&b| is_near(a, b)).count() >= NEIGHBOURS;
+        let cores: Vec<usize> = all.clone().filter(|&a| is_core(a)).collect();
+        // Of cores: the least index that can be walked to.
+        let mut least: Vec<usize> = all.clone().collect();
+        loop {
+            let before = least.clone();
+            for &a in &cores {
+                let near = cores.iter().filter(|&&b| is_near(a, b));
+                least[a] = near.map(|&b| least[b]).min().unwrap();
+            }
+            if before == least {
+                break;
+            }
+        }
+        let found = clusters(&points, density);
+        assert!((3..20).contains(&found.len()), "{} clusters", found.len());
+        let mut cluster_of = vec![usize::MAX; points.len()];
+        for (at, members) in found.iter().enumerate() {
+            members.iter().for_each(|&member| cluster_of[member] = at);
+        }
+        for (i, &a) in cores.iter().enumerate() {
+            for &b in &cores[..i] {
+                assert_eq!(cluster_of[a] == cluster_of[b], least[a] == least[b], "{a} {b}");
+            }
+        }
+        for a in all.clone().filter(|a| !cores.contains(a)) {
+            let nearest = cores.iter().filter(|&&b| is_near(a, b));
+            let ways: Vec<usize> = nearest.map(|&b| cluster_of[b]).collect();
+            let placed = cluster_of[a];
+            assert!(ways.contains(&placed) || (ways.is_empty() && placed == usize::MAX), "{a}");
+        }
     }
 
     #[test]
