@@ -116,7 +116,8 @@ impl Bench {
     /// The map as a new revision: nothing of it is cached.
     fn snapshot(&self) -> Arc<MapSnapshot> {
         let world_from_camera = Isometry3::translation(0.0, 0.0, -1.9);
-        let frame = TrackedFrame { sequence: 0, timestamp_nanos: 0, world_from_camera };
+        let frame =
+            TrackedFrame { sequence: 0, timestamp_nanos: 0, world_from_camera, exposure: [0.0; 2] };
         Arc::new(MapSnapshot {
             map: "bench".into(),
             revision: 1,

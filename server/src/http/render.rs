@@ -91,7 +91,7 @@ struct Wanted {
     height: Option<u32>,
 }
 
-/// Renders the map as a tracked frame saw it.
+/// Renders the map as a tracked frame saw it, as bright as it was.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/render", tag = "maps",
     params(

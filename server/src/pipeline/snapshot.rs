@@ -34,6 +34,8 @@ pub struct TrackedFrame {
     pub timestamp_nanos: u64,
     /// Where the camera was.
     pub world_from_camera: Isometry3<f64>,
+    /// (a, b): the frame shows exp(a) of the map's colour + b.
+    pub exposure: [f32; 2],
 }
 
 /// A keyframe as readers see it.
@@ -50,9 +52,9 @@ pub struct KeyframeInfo {
 }
 
 impl MapSnapshot {
-    /// The pose of a tracked frame, by sequence.
-    pub fn pose_of(&self, sequence: u64) -> Option<Isometry3<f64>> {
+    /// A tracked frame, by sequence.
+    pub fn tracked(&self, sequence: u64) -> Option<&TrackedFrame> {
         let at = self.trajectory.binary_search_by_key(&sequence, |frame| frame.sequence).ok()?;
-        Some(self.trajectory[at].world_from_camera)
+        Some(&self.trajectory[at])
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::frame::{Frame, Intrinsics};
 use super::super::snapshot::TrackedFrame;
-use super::super::tracker::{Moments, Tracked, inverse_exposure};
+use super::super::tracker::{Moments, Tracked};
 use super::super::working::Working;
 use super::Mapper;
 use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LanguageTarget};
@@ -23,8 +23,6 @@ pub(super) struct Keyframe {
     pub working: Working,
     /// The working image on the device.
     pub target: ColourTarget,
-    /// (a, b): the frame shows exp(a) of the map's colour + b.
-    pub exposure: [f32; 2],
     /// Whether its pose is the tracker's own, so that it may be refined.
     pub is_estimated: bool,
     /// Of its pose's and exposure's refinement.
@@ -66,13 +64,12 @@ impl Keyframe {
                 sequence: frame.sequence,
                 timestamp_nanos: frame.timestamp_nanos,
                 world_from_camera,
+                exposure: tracked.seen_exposure(),
             },
             intrinsics: frame.intrinsics,
             rgb: frame.rgb.clone(),
             working,
             target,
-            // The other way round: the tracker tells how the frame becomes the map.
-            exposure: inverse_exposure(tracked.exposure).map(|value| value as f32),
             is_estimated: tracked.is_estimated,
             moments: Moments::default(),
             steps: 0,
@@ -92,7 +89,7 @@ impl Keyframe {
 
     /// The working image in the map's colours.
     pub fn in_map_colours(&self) -> Cow<'_, Working> {
-        let [a, b] = self.exposure;
+        let [a, b] = self.frame.exposure;
         if [a, b] == [0.0; 2] {
             return Cow::Borrowed(&self.working);
         }

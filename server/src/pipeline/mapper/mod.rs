@@ -238,7 +238,7 @@ impl Mapper {
             if is_keyframe {
                 self.add_keyframe(frame, tracked)?;
             }
-            self.trajectory.push(times, &tracked.world_from_camera, &self.keyframes);
+            self.trajectory.push(times, tracked, &self.keyframes);
             self.moved = true;
             let is_realtime = self.config.clock == Clock::Realtime;
             let at_once = if is_realtime { self.config.steps_per_frame } else { 0 };

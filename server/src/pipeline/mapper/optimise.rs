@@ -22,7 +22,7 @@ impl Mapper {
             camera: &keyframe.working.camera,
             colour: Some(&keyframe.target),
             language: language.map(|generic| (&generic.camera, &generic.target)),
-            exposure: keyframe.exposure,
+            exposure: keyframe.frame.exposure,
         };
         let (weights, rates) = (weights(&self.config), rates(&self.config));
         self.renderer.step(&mut self.gaussians, &view, &weights, &rates)?;

@@ -33,11 +33,11 @@ impl Mapper {
         let [metres, radians] = [rates.refine_metres, rates.refine_radians];
         let tau = Vector6::from_fn(|i, _| step[i] * if i < 3 { metres } else { radians });
         keyframe.place(&(keyframe.frame.world_from_camera * se3::exp(&tau).inverse()));
-        for (exposure, step) in keyframe.exposure.iter_mut().zip([step[6], step[7]]) {
+        for (exposure, step) in keyframe.frame.exposure.iter_mut().zip([step[6], step[7]]) {
             *exposure += (rates.refine_exposure * step) as f32;
         }
         let frame = keyframe.frame;
-        let exposure = inverse_exposure(keyframe.exposure.map(f64::from));
+        let exposure = inverse_exposure(keyframe.frame.exposure.map(f64::from));
         self.tracker.correct_keyframe(frame.sequence, frame.world_from_camera, exposure);
         Ok(())
     }

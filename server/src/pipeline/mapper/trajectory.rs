@@ -2,6 +2,7 @@
 //! frames that were tracked after it go along.
 
 use super::super::snapshot::TrackedFrame;
+use super::super::tracker::Tracked;
 use super::keyframe::Keyframe;
 use nalgebra::Isometry3;
 
@@ -12,6 +13,7 @@ struct Entry {
     /// The keyframe's index, and the pose in it; in the world while there is no keyframe.
     keyframe: Option<usize>,
     keyframe_from_camera: Isometry3<f64>,
+    exposure: [f32; 2],
 }
 
 /// Every tracked frame, in order.
@@ -25,9 +27,10 @@ impl Trajectory {
     pub fn push(
         &mut self,
         (sequence, timestamp_nanos): (u64, u64),
-        world_from_camera: &Isometry3<f64>,
+        tracked: &Tracked,
         keyframes: &[Keyframe],
     ) {
+        let world_from_camera = &tracked.world_from_camera;
         let last = keyframes.last().map(|keyframe| keyframe.frame.world_from_camera);
         let keyframe_from_camera = match last {
             // The keyframe itself, exactly.
@@ -36,7 +39,14 @@ impl Trajectory {
             None => *world_from_camera,
         };
         let keyframe = keyframes.len().checked_sub(1);
-        self.entries.push(Entry { sequence, timestamp_nanos, keyframe, keyframe_from_camera });
+        let exposure = tracked.seen_exposure();
+        self.entries.push(Entry {
+            sequence,
+            timestamp_nanos,
+            keyframe,
+            keyframe_from_camera,
+            exposure,
+        });
     }
 
     /// All frames as of now.
@@ -49,6 +59,7 @@ impl Trajectory {
             sequence: entry.sequence,
             timestamp_nanos: entry.timestamp_nanos,
             world_from_camera: pose(entry),
+            exposure: entry.exposure,
         };
         self.entries.iter().map(frame).collect()
     }

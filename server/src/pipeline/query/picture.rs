@@ -1,7 +1,7 @@
 //! Pictures of a map: colour, depth, opacity, and codes as colours.
 
 use super::answer::Picture;
-use super::request::{Channel, RenderRequest};
+use super::request::{Channel, RenderRequest, View};
 use super::scene::Scene;
 use super::{QueryError, viewpoint};
 use crate::pipeline::snapshot::MapSnapshot;
@@ -28,7 +28,8 @@ pub(super) fn render(
     Ok(match request.channel {
         Channel::Color => {
             let image = scene.colour(snapshot, &camera)?;
-            rgb(image.rgb.iter().map(|&value| byte(value)).collect())
+            let [a, b] = exposure(snapshot, &request.view);
+            rgb(image.rgb.iter().map(|&value| byte(a.exp() * value + b)).collect())
         }
         Channel::Opacity => {
             let image = scene.colour(snapshot, &camera)?;
@@ -40,6 +41,16 @@ pub(super) fn render(
         }
         Channel::Language => rgb(language(scene, palette, snapshot, &camera)?),
     })
+}
+
+/// (a, b) of a tracked frame, whose picture is rendered as bright as it was; none of another view.
+fn exposure(snapshot: &MapSnapshot, view: &View) -> [f32; 2] {
+    match view {
+        View::Frame(sequence) => {
+            snapshot.tracked(*sequence).map_or([0.0; 2], |frame| frame.exposure)
+        }
+        View::Camera { .. } => [0.0; 2],
+    }
 }
 
 /// 0..1 to 0..255; what is beyond, or no number, is clamped.

@@ -4,7 +4,7 @@
 //! feature, q the query, all of unit length, and t and b the bundle's temperature and bias (the
 //! paper: 10 and 0). 0.5: nearer to the query than to the nearest negative by b / t.
 
-use super::cosines::cosines;
+use super::cosines::{Component, cosines};
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
@@ -41,17 +41,17 @@ impl Comparison {
     }
 
     /// Relevancies, 0..1, of features `[n, D]`, unit length.
-    pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
+    pub(super) fn relevancies<T: Component>(&self, features: &[T]) -> Vec<f32> {
         compared(self.scale, (&self.words, 1), features)
     }
 }
 
 /// Relevancies `[n, texts]`, 0..1, of features `[n, D]` to the first `texts` of the words `[.., D]`; the
 /// others are the negatives. All are of unit length.
-pub(super) fn compared(
+pub(super) fn compared<T: Component>(
     Scale { temperature, bias }: Scale,
     (words, texts): (&Array2<f32>, usize),
-    features: &[f32],
+    features: &[T],
 ) -> Vec<f32> {
     let size = words.ncols();
     features
@@ -195,7 +195,7 @@ mod tests {
         let between = [0.5_f32.sqrt(), 0.5_f32.sqrt(), 0.0];
         let both = comparison.relevancies(&[between, feature].concat());
         assert!((both[0] - 0.5).abs() < 1e-6 && (both[1] - expected).abs() < 1e-6);
-        assert!(comparison.relevancies(&[]).is_empty());
+        assert!(comparison.relevancies::<f32>(&[]).is_empty());
     }
 
     #[test]

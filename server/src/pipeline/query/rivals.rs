@@ -4,6 +4,7 @@
 //! are shared, so that the best text is the nearest, argmax f·q. A label is the best text's place in the
 //! list, from 1; 0 where even that is not above the threshold.
 
+use super::cosines::Component;
 use super::relevancy::{Plane, Scale, compared};
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
@@ -34,7 +35,7 @@ impl Rivals {
     }
 
     /// Relevancies `[n, texts]`, 0..1, of features `[n, D]`, unit length.
-    pub(super) fn relevancies(&self, features: &[f32]) -> Vec<f32> {
+    pub(super) fn relevancies<T: Component>(&self, features: &[T]) -> Vec<f32> {
         compared(self.scale, (&self.words, self.texts), features)
     }
 }

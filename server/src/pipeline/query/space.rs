@@ -5,11 +5,13 @@
 
 use super::answer::{LabelledPoint, ScoredPoint};
 use super::clusters::Weighted;
+use super::cosines::kept;
 use super::relevancy::Comparison;
 use super::rivals::{Rivals, winner};
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::snapshot::MapSnapshot;
+use half::bf16;
 use lexsplat_gpu::HostGaussians;
 use nalgebra::Point3;
 use std::sync::Arc;
@@ -32,7 +34,7 @@ struct Decoded {
     /// The Gaussians with language, in order.
     rows: Vec<u32>,
     /// `[rows, D]`, unit length; `None`: too many to keep.
-    features: Option<Vec<f32>>,
+    features: Option<Vec<bf16>>,
 }
 
 /// Relevancies of a map.
@@ -74,10 +76,10 @@ impl SpaceCache {
         self.last = None;
         let rows = with_language(snapshot);
         let mut features = None;
-        if rows.len() * size * size_of::<f32>() <= self.limit_bytes {
+        if rows.len() * size * size_of::<bf16>() <= self.limit_bytes {
             let mut decoded = Vec::with_capacity(rows.len() * size);
             let generic = snapshot.online.decode(&codes_of(snapshot, &rows));
-            decoder.decompress(&generic, |batch| decoded.extend_from_slice(batch))?;
+            decoder.decompress(&generic, |batch| decoded.extend(kept(batch)))?;
             features = Some(decoded);
         }
         self.last = Some(Decoded { gaussians: snapshot.gaussians.clone(), rows, features });
@@ -90,7 +92,7 @@ impl SpaceCache {
         &self,
         decoder: &mut GenericDecoder,
         snapshot: &MapSnapshot,
-        compare: impl Fn(&[f32]) -> Vec<f32>,
+        compare: impl Fn(&[bf16]) -> Vec<f32>,
     ) -> Result<(&[u32], Vec<f32>), NetworkError> {
         let last = self.last.as_ref().expect("the snapshot was prepared");
         if let Some(features) = &last.features {
@@ -98,7 +100,9 @@ impl SpaceCache {
         }
         let mut found = Vec::new();
         let generic = snapshot.online.decode(&codes_of(snapshot, &last.rows));
-        decoder.decompress(&generic, |batch| found.extend(compare(batch)))?;
+        decoder.decompress(&generic, |batch| {
+            found.extend(compare(&kept(batch).collect::<Vec<_>>()));
+        })?;
         Ok((&last.rows, found))
     }
 
@@ -110,7 +114,7 @@ impl SpaceCache {
         comparison: &Comparison,
         threshold: f32,
     ) -> Result<Scores, NetworkError> {
-        let compare = |features: &[f32]| comparison.relevancies(features);
+        let compare = |features: &[bf16]| comparison.relevancies(features);
         let (rows, relevancies) = self.compared(decoder, snapshot, compare)?;
         let scales = &snapshot.gaussians.language.log_scales;
         let mut relevant: Vec<Weighted> = rows
@@ -135,7 +139,7 @@ impl SpaceCache {
         rivals: &Rivals,
         threshold: f32,
     ) -> Result<Labels, NetworkError> {
-        let compare = |features: &[f32]| rivals.relevancies(features);
+        let compare = |features: &[bf16]| rivals.relevancies(features);
         let (rows, relevancies) = self.compared(decoder, snapshot, compare)?;
         let points = rows
             .iter()

@@ -84,8 +84,12 @@ fn room(config: &QueryConfig) -> Room {
 }
 
 fn snapshot(map: HostGaussians, stage: Box<dyn OnlineStage>) -> MapSnapshot {
-    let frame =
-        TrackedFrame { sequence: 7, timestamp_nanos: 0, world_from_camera: Isometry3::identity() };
+    let frame = TrackedFrame {
+        sequence: 7,
+        timestamp_nanos: 0,
+        world_from_camera: Isometry3::identity(),
+        exposure: [0.0; 2],
+    };
     MapSnapshot {
         map: "room".into(),
         revision: 3,

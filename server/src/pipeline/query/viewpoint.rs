@@ -10,7 +10,7 @@ pub(super) fn camera(snapshot: &MapSnapshot, view: &View) -> Result<Camera, Quer
     let (intrinsics, world_from_camera) = match view {
         View::Frame(sequence) => snapshot
             .intrinsics
-            .zip(snapshot.pose_of(*sequence))
+            .zip(snapshot.tracked(*sequence).map(|frame| frame.world_from_camera))
             .ok_or(QueryError::UnknownFrame { sequence: *sequence })?,
         View::Camera { intrinsics, world_from_camera } => (*intrinsics, *world_from_camera),
     };

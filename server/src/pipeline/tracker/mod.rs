@@ -52,6 +52,13 @@ pub(super) struct Tracked {
     pub relocalised: bool,
 }
 
+impl Tracked {
+    /// The other way round: (a, b) so that the frame shows exp(a) of the map's colour + b.
+    pub fn seen_exposure(&self) -> [f32; 2] {
+        inverse_exposure(self.exposure).map(|value| value as f32)
+    }
+}
+
 /// If x = exp(a) y + b, then y = exp(a') x + b'.
 pub(super) fn inverse_exposure([a, b]: [f64; 2]) -> [f64; 2] {
     [-a, -b * (-a).exp()]
