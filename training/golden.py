@@ -26,7 +26,7 @@ from safetensors.numpy import save_file
 CHANNELS = 16
 MIN_ALPHA = 1 / 255
 MIN_TRANSMITTANCE = 1e-4
-NEAR, FAR, DILATION = 0.1, 1e6, 0.3
+NEAR, FAR, DILATION = 0.1, 1e6, 0.1
 MARGIN = 3e-5  # least relative distance of any alpha or transmittance from its cut-off
 PARAMETERS = ["means"] + [
     f"{head}.{kind}"

@@ -11,6 +11,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const STEP: f64 = 1e-6;
+/// With 3 an alpha crosses its cut-off within a step.
+const SEEDS: [u64; 3] = [1, 2, 4];
 /// Largest |analytic - difference| over 1 + |difference|; measured worst case: 2.9e-8, which is
 /// what rounding leaves of a difference over 2 STEP.
 const TOLERANCE: f64 = 2e-7;
@@ -52,7 +54,7 @@ fn worst(head: &Head, view: &View, factors: &[f64], gradient: &[f64]) -> (f64, u
 fn gradients_of_both_heads_match_finite_differences() {
     let view = View::new(&support::camera(37, 29));
     for colour in [true, false] {
-        for seed in [1, 2, 3] {
+        for seed in SEEDS {
             let head = head(colour, seed);
             let factors = random(seed, 37 * 29 * head.picture_channels());
             let gradient = head.gradients(&view, &factors).flatten();
@@ -83,7 +85,7 @@ fn worst_pose(head: &Head, view: &View, factors: &[f64], gradient: &Vector6<f64>
 #[test]
 fn the_pose_gradient_matches_finite_differences() {
     let view = View::new(&support::camera(37, 29));
-    for seed in [1, 2, 3] {
+    for seed in SEEDS {
         let head = head(true, seed);
         let factors = random(seed, 37 * 29 * head.picture_channels());
         let gradient = head.pose_gradient(&view, &factors);
