@@ -1,13 +1,14 @@
 //! RGB-D **data sets**: folders in several layouts and the synthetic room behind one trait.
 //!
-//! In: a [`DatasetSpec`] such as `replica:room7`. Out: frames as the server takes them: colour as the
-//! JPEG or PNG bytes on disk, depth as 16-bit PNG bytes in units of
+//! In: a [`DatasetSpec`] such as `replica:room7`. Out: frames as the server takes them: colour as
+//! JPEG or PNG bytes, depth as 16-bit PNG bytes in units of
 //! [`Dataset::depth_unit_metres`], `world_from_camera` in metres (camera x right, y down,
 //! z forward). What is ground truth about things, not needed for mapping, is [`Truth`]. One file per
 //! layout; nothing here talks to a server.
 
 mod error;
 mod files;
+mod kinect;
 mod pose;
 mod range;
 mod replica;

@@ -1,17 +1,17 @@
 //! 7-Scenes layout: `frame-%06d.color.jpg` (or `.png`), `frame-%06d.depth.png` (millimetres; 0 and
 //! 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and optionally
 //! `camera-intrinsics.txt` (3x3; the Kinect's 585, 585, 320, 240 if missing). Numbers may have gaps:
-//! a frame keeps its number.
+//! a frame keeps its number. With the Kinect's own intrinsics colour is not registered to depth in these
+//! files, and is brought there ([`kinect`]); with other intrinsics it is taken as it is.
 
 use super::{
-    Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame, counted_nanos, files, pose,
+    Color, ColorFormat, Dataset, DatasetError, Intrinsics, RgbdFrame, counted_nanos, files, kinect,
+    pose,
 };
-use image::{DynamicImage, ImageEncoder, codecs::png};
+use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, Luma, codecs::png};
 use nalgebra::Isometry3;
 use std::path::{Path, PathBuf};
 
-/// The Kinect: fx, fy, cx, cy.
-const KINECT: [f64; 4] = [585.0, 585.0, 320.0, 240.0];
 const NO_MEASUREMENT: u16 = u16::MAX;
 
 /// A sequence in 7-Scenes layout.
@@ -69,36 +69,66 @@ fn intrinsics(path: &Path, (width, height): (u32, u32)) -> Result<Intrinsics, Da
             .map_err(|reason| DatasetError::content(path, reason))?;
         [fx, fy, cx, cy]
     } else {
-        KINECT
+        kinect::DEPTH
     };
     Ok(Intrinsics { width, height, fx, fy, cx, cy })
 }
 
-/// The depth picture with 0 wherever there is no measurement; unchanged if it is so already.
-fn depth(path: &Path, sequence: u64) -> Result<Depth, DatasetError> {
-    let mut depth = files::depth(path)?;
-    let mut units = match files::picture(path, &depth.bytes)? {
+type Units = ImageBuffer<Luma<u16>, Vec<u16>>;
+
+/// Depth in millimetres, 0 wherever there is no measurement; and whether it was so already.
+fn units(path: &Path, bytes: &[u8]) -> Result<(Units, bool), DatasetError> {
+    let mut units = match files::picture(path, bytes)? {
         DynamicImage::ImageLuma16(units) => units,
         other => {
             let reason = format!("expected 16-bit grey, found {:?}", other.color());
             return Err(DatasetError::content(path, reason));
         }
     };
-    if !units.contains(&NO_MEASUREMENT) {
-        return Ok(depth);
-    }
+    let is_whole = !units.contains(&NO_MEASUREMENT);
     units.iter_mut().filter(|unit| **unit == NO_MEASUREMENT).for_each(|unit| *unit = 0);
-    // The encoder takes samples in native byte order.
-    let samples: Vec<u8> = units.iter().flat_map(|unit| unit.to_ne_bytes()).collect();
-    depth = Depth { format: DepthFormat::Png16, bytes: Vec::new() };
-    png::PngEncoder::new_with_quality(
-        &mut depth.bytes,
-        png::CompressionType::Fast,
-        png::FilterType::Adaptive,
-    )
-    .write_image(&samples, units.width(), units.height(), image::ExtendedColorType::L16)
-    .map_err(|source| DatasetError::Encode { sequence, source })?;
-    Ok(depth)
+    Ok((units, is_whole))
+}
+
+/// A PNG, quickly.
+fn written(
+    samples: &[u8],
+    (width, height): (u32, u32),
+    kind: ExtendedColorType,
+    sequence: u64,
+) -> Result<Vec<u8>, DatasetError> {
+    let mut bytes = Vec::new();
+    let (fast, filter) = (png::CompressionType::Fast, png::FilterType::Adaptive);
+    png::PngEncoder::new_with_quality(&mut bytes, fast, filter)
+        .write_image(samples, width, height, kind)
+        .map_err(|source| DatasetError::Encode { sequence, source })?;
+    Ok(bytes)
+}
+
+impl SevenScenes {
+    /// Whether the files are the Kinect's, colour and depth each from its own camera.
+    fn is_unregistered(&self) -> bool {
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
+    }
+
+    /// Colour at the depth's pixels.
+    fn color(&self, entry: &Entry, units: &Units) -> Result<Color, DatasetError> {
+        let color = files::color(&entry.color)?;
+        if !self.is_unregistered() {
+            return Ok(color);
+        }
+        let failed = |source| DatasetError::Picture { path: entry.color.clone(), source };
+        let picture = image::load_from_memory(&color.bytes).map_err(failed)?.into_rgb8();
+        if picture.dimensions() != units.dimensions() {
+            let (width, height) = units.dimensions();
+            let reason = format!("expected {width}x{height} pixels as its depth has");
+            return Err(DatasetError::content(&entry.color, reason));
+        }
+        let seen = kinect::registered(&picture, units);
+        let bytes = written(&seen, seen.dimensions(), ExtendedColorType::Rgb8, entry.sequence)?;
+        Ok(Color { format: ColorFormat::Png, bytes })
+    }
 }
 
 impl Dataset for SevenScenes {
@@ -124,11 +154,20 @@ impl Dataset for SevenScenes {
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
         let entry = &self.frames[index];
+        let mut depth = files::depth(&entry.depth)?;
+        let (units, is_whole) = units(&entry.depth, &depth.bytes)?;
+        let color = self.color(entry, &units)?;
+        if !is_whole {
+            // The encoder takes samples in native byte order.
+            let samples: Vec<u8> = units.iter().flat_map(|unit| unit.to_ne_bytes()).collect();
+            depth.bytes =
+                written(&samples, units.dimensions(), ExtendedColorType::L16, entry.sequence)?;
+        }
         Ok(RgbdFrame {
             sequence: entry.sequence,
             timestamp_nanos: counted_nanos(entry.sequence),
-            color: files::color(&entry.color)?,
-            depth: depth(&entry.depth, entry.sequence)?,
+            color,
+            depth,
             world_from_camera: Some(entry.world_from_camera),
         })
     }
