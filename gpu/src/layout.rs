@@ -381,8 +381,10 @@ structs! {
         count: u32 => "u32",
         /// One of so many live pixels is looked at.
         stride: u32 => "u32",
+        /// Standard deviation of a depth of one metre, in metres; it grows with the depth squared.
+        depth_noise: f32 => "f32",
         /// Fills the struct to 144 bytes.
-        unused: [u32; 2] => "vec2<u32>",
+        unused: u32 => "u32",
     }
 }
 

@@ -272,6 +272,7 @@ impl Config {
         let weights = [
             ("tracker.photometric_weight", self.tracker.photometric_weight),
             ("tracker.geometric_weight", self.tracker.geometric_weight),
+            ("tracker.depth_noise", self.tracker.depth_noise),
             ("tracker.correlated_pixels", self.tracker.correlated_pixels),
         ];
         for (key, value) in weights {

@@ -63,6 +63,10 @@ pub struct AlignSettings {
     pub photometric_threshold: f64,
     /// Of the geometric term, 1 / metres²; 0 switches it off.
     pub geometric_weight: f64,
+    /// Standard deviation of a depth of one metre, metres. It grows with the depth squared, as
+    /// structured light and stereo measure, and lowers the weight of a point:
+    /// 1 / (1 / geometric_weight + (depth_noise z²)²).
+    pub depth_noise: f64,
     /// Residual from which the geometric cost grows slowly, and above which a pixel is no inlier;
     /// metres.
     pub geometric_threshold: f64,
@@ -86,6 +90,7 @@ impl Default for AlignSettings {
             photometric_weight: 1e3,
             photometric_threshold: 0.05,
             geometric_weight: 1e4,
+            depth_noise: 0.0,
             geometric_threshold: 0.02,
             geometric_robust: Robust::Huber,
             depth_gate: 0.1,
@@ -238,14 +243,14 @@ impl AlignSettings {
     }
 
     fn check(&self) -> Result<(), GpuError> {
-        let weights = [self.photometric_weight, self.geometric_weight];
+        let weights = [self.photometric_weight, self.geometric_weight, self.depth_noise];
         let limits = [self.photometric_threshold, self.geometric_threshold, self.depth_gate];
         let bad = |expected| {
             let found = format!("{self:?}");
             Err(GpuError::BadValue { what: "align settings", expected, found })
         };
         if !weights.iter().all(|w| w.is_finite() && *w >= 0.0) {
-            return bad("finite weights of at least 0");
+            return bad("finite weights and noise of at least 0");
         }
         if !limits.iter().all(|v| v.is_finite() && *v > 0.0) || !self.normal_gate.is_finite() {
             return bad("finite thresholds and gates above 0");
@@ -283,6 +288,7 @@ fn arguments(
         live_size: [live.camera.width, live.camera.height],
         count: live.camera.pixels() as u32 / settings.stride,
         stride: settings.stride,
-        unused: [0; 2],
+        depth_noise: settings.depth_noise as f32,
+        unused: 0,
     }
 }

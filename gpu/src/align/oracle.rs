@@ -26,6 +26,8 @@ pub struct Seen {
     pub photometric: Option<Residual>,
     /// Geometric residual, if it was accepted.
     pub geometric: Option<Residual>,
+    /// Depth of the point in the reference camera, metres.
+    pub depth: f64,
 }
 
 /// The residuals of one live pixel, counted row by row.
@@ -56,7 +58,7 @@ pub fn pixel(
     if !(0..2).all(|i| at[i] >= 0.0 && at[i] <= (size[i] - 1) as f64) {
         return seen;
     }
-    seen.inside = true;
+    (seen.inside, seen.depth) = (true, q.z);
     let corner = [0, 1].map(|i| (at[i] as usize).min(size[i] - 2));
     let part = [0, 1].map(|i| at[i] - corner[i] as f64);
     let tap = |i: usize, j: usize| reference.rows[(corner[1] + j) * size[0] + corner[0] + i];
@@ -106,7 +108,10 @@ pub fn system(
             sum.counts.photometric_inliers += u32::from(residual.value.abs() <= limits.1);
         }
         if let Some(residual) = seen.geometric {
-            let limits = (settings.geometric_weight, settings.geometric_threshold);
+            let noise = settings.depth_noise * seen.depth.powi(2);
+            let certain =
+                settings.geometric_weight / (1.0 + settings.geometric_weight * noise.powi(2));
+            let limits = (certain, settings.geometric_threshold);
             sum.geometric_cost += add(&mut sum, &residual, limits, settings.geometric_robust);
             sum.counts.geometric += 1;
             sum.counts.geometric_inliers += u32::from(residual.value.abs() <= limits.1);

@@ -3,6 +3,7 @@
 // A live pixel with depth is the point q = T p in the reference camera, seen at pi(q).
 //   r_p = I_ref(pi(q)) - (e^a I_live + b)      J = [s, q x s, -e^a I_live, -1], s = dI_ref/dq
 //   r_g = n_ref . (q - p_ref)                  J = [n, q x n, 0, 0]
+// The weight of r_g is 1 / (1 / weight + (depth_noise q.z^2)^2).
 // I_ref and its slopes are interpolated between four pixels; p_ref and n_ref are the nearest's.
 // T <- Exp(tau) T, tau = [rho, theta]: dq/drho = 1, dq/dtheta = -[q]x.
 // With weight w = (term's weight) rho'(r) / r:  H += w J J^T,  g += w r J,  cost += weight rho(r).
@@ -127,8 +128,10 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let turned = vec3<f32>(dot(arguments.pose_x.xyz, own), dot(arguments.pose_y.xyz, own),
         dot(arguments.pose_z.xyz, own));
     let off = dot(normal.xyz, q - depth * vec3<f32>(anchor / focal, 1.0));
+    let noise = arguments.depth_noise * q.z * q.z;
+    let certain = arguments.weights.y / (1.0 + arguments.weights.y * noise * noise);
     let geometric = term(off, q, normal.xyz, vec2<f32>(0.0), geometric_robust(off),
-        vec2<f32>(arguments.weights.y, arguments.thresholds.y),
+        vec2<f32>(certain, arguments.thresholds.y),
         inside && near && depth > 0.0 && normal.w > 0.0
             && dot(turned, normal.xyz) >= arguments.gates.y);
 

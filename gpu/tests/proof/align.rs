@@ -49,16 +49,21 @@ fn on_the_way(part: f64) -> Estimate {
 fn systems_match_the_oracle() {
     let mut bench = Bench::new();
     let mut worst: (f64, u32) = (0.0, 0);
-    for (size, stride, geometric_robust, normal_gate) in [
-        ((40, 30), 1, Robust::Huber, 0.8),
-        ((67, 45), 1, Robust::Cauchy, -1.0),
-        ((67, 45), 7, Robust::Huber, 0.8),
-        ((160, 90), 1, Robust::Huber, 0.8),
-        ((161, 91), 4, Robust::Cauchy, 0.9),
+    for (size, stride, geometric_robust, normal_gate, depth_noise) in [
+        ((40, 30), 1, Robust::Huber, 0.8, 0.0),
+        ((67, 45), 1, Robust::Cauchy, -1.0, 0.004),
+        ((67, 45), 7, Robust::Huber, 0.8, 0.0),
+        ((160, 90), 1, Robust::Huber, 0.8, 0.002),
+        ((161, 91), 4, Robust::Cauchy, 0.9, 0.0),
     ] {
         let pair = bench.pair(size, 2, 0.1);
-        let settings =
-            AlignSettings { stride, geometric_robust, normal_gate, ..AlignSettings::default() };
+        let settings = AlignSettings {
+            stride,
+            geometric_robust,
+            normal_gate,
+            depth_noise,
+            ..AlignSettings::default()
+        };
         for (reference, live) in pair.0.levels().iter().zip(pair.1.levels()) {
             let hosts = (bench.host(reference), bench.host(live));
             for part in [0.01, 0.6, 1.0] {
@@ -424,6 +429,7 @@ fn bad_input_is_refused_or_counts_nothing() {
     for bad in [
         AlignSettings { stride: 0, ..settings },
         AlignSettings { photometric_weight: -1.0, ..settings },
+        AlignSettings { depth_noise: f64::NAN, ..settings },
         AlignSettings { geometric_threshold: 0.0, ..settings },
         AlignSettings { depth_gate: f64::INFINITY, ..settings },
         AlignSettings { normal_gate: f64::NAN, ..settings },

@@ -259,6 +259,7 @@ impl Front {
         let settings = AlignSettings {
             photometric_weight: config.photometric_weight,
             geometric_weight: config.geometric_weight,
+            depth_noise: config.depth_noise,
             depth_gate: settings.depth_gate * if wide { WIDE_GATE } else { 1.0 },
             ..settings
         };

@@ -20,6 +20,8 @@ pub struct TrackerConfig {
     pub photometric_weight: f64,
     /// Of the geometric term, 1 / metres².
     pub geometric_weight: f64,
+    /// Standard deviation of a depth of one metre, metres; it grows with the depth squared.
+    pub depth_noise: f64,
     /// How much the rendered map counts beside keyframes; 0: it is rendered only without them.
     pub map_weight: f64,
     /// Keyframes whose own pictures are references too: the newest, and the oldest in sight.
@@ -99,8 +101,9 @@ impl Default for TrackerConfig {
             width: 640,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
-            photometric_weight: 1e3,
+            photometric_weight: 400.0,
             geometric_weight: 1e4,
+            depth_noise: 0.0014,
             map_weight: 0.0,
             keyframes: 2,
             keyframe_overlap: 0.6,
