@@ -101,7 +101,7 @@ pub async fn run(arguments: &Ablate) -> Result<()> {
     let stride = arguments.stride;
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
     let dataset: Arc<dyn Dataset> =
-        Arc::from(arguments.dataset.open(FrameRange { start: 0, end, stride })?);
+        Arc::from(arguments.dataset.open(FrameRange { end, stride, ..FrameRange::default() })?);
     if dataset.truth().is_none() {
         bail!("{} has no masks, so language cannot be scored: choose another", arguments.dataset);
     }

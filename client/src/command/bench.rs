@@ -85,7 +85,7 @@ pub async fn run(arguments: &Bench) -> Result<()> {
 
 fn datasets(arguments: &Bench) -> Result<Vec<Arc<dyn Dataset>>> {
     let stride = NonZeroUsize::MIN;
-    let range = FrameRange { start: 0, end: Some(arguments.frames), stride };
+    let range = FrameRange { end: Some(arguments.frames), stride, ..FrameRange::default() };
     let open = |at: usize| -> Result<Arc<dyn Dataset>> {
         let spec = match &arguments.dataset {
             Some(spec) => spec.clone(),

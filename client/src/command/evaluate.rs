@@ -42,6 +42,9 @@ pub struct Evaluate {
     /// Use every K-th frame
     #[arg(long, value_name = "K", default_value = "1")]
     stride: NonZeroUsize,
+    /// Go through them there and back, N times in all: a long walk through what is known
+    #[arg(long, value_name = "N", default_value = "1")]
+    passes: NonZeroUsize,
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
@@ -70,10 +73,10 @@ pub struct Evaluate {
 
 /// Runs the command.
 pub async fn run(arguments: &Evaluate) -> Result<()> {
-    let stride = arguments.stride;
+    let (stride, passes) = (arguments.stride, arguments.passes);
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
     let dataset: Arc<dyn Dataset> =
-        Arc::from(arguments.dataset.open(FrameRange { start: 0, end, stride })?);
+        Arc::from(arguments.dataset.open(FrameRange { start: 0, end, stride, passes })?);
     for (asked, option) in [
         (arguments.language, "--language"),
         (arguments.encoder == Encoder::Oracle, "--encoder oracle"),

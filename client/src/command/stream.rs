@@ -49,7 +49,12 @@ pub struct Stream {
 
 /// Runs the command.
 pub async fn run(arguments: &Stream) -> Result<()> {
-    let range = FrameRange { start: arguments.start, end: arguments.end, stride: arguments.stride };
+    let range = FrameRange {
+        start: arguments.start,
+        end: arguments.end,
+        stride: arguments.stride,
+        ..FrameRange::default()
+    };
     let dataset = arguments.dataset.open(range)?;
     if let [first, ..] = dataset.skipped() {
         eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());

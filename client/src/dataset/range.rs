@@ -1,6 +1,7 @@
-//! A part of a data set: every `stride`-th frame from `start` up to `end`. Frames keep their numbers.
+//! A part of a data set: every `stride`-th frame from `start` up to `end`, once or there and back several
+//! times. Frames keep their numbers; of several passes they are numbered anew.
 
-use super::{Dataset, DatasetError, Instance, Intrinsics, Mask, RgbdFrame, Truth};
+use super::{Dataset, DatasetError, Instance, Intrinsics, Mask, RgbdFrame, Truth, counted_nanos};
 use std::num::NonZeroUsize;
 
 /// Which frames to use, by position in the data set.
@@ -12,12 +13,14 @@ pub struct FrameRange {
     pub end: Option<usize>,
     /// Every how many frames one is used.
     pub stride: NonZeroUsize,
+    /// How often they are gone through: there, back, there again ...
+    pub passes: NonZeroUsize,
 }
 
 impl Default for FrameRange {
     /// Everything.
     fn default() -> Self {
-        Self { start: 0, end: None, stride: NonZeroUsize::MIN }
+        Self { start: 0, end: None, stride: NonZeroUsize::MIN, passes: NonZeroUsize::MIN }
     }
 }
 
@@ -29,18 +32,27 @@ impl FrameRange {
         }
         let len = dataset.len();
         let end = self.end.unwrap_or(len).min(len);
-        let indices: Vec<usize> = (self.start..end).step_by(self.stride.get()).collect();
-        if indices.is_empty() {
+        let there: Vec<usize> = (self.start..end).step_by(self.stride.get()).collect();
+        if there.is_empty() {
             let end = self.end.map_or("the end".into(), |end| end.to_string());
             return Err(DatasetError::Range { start: self.start, end, len });
         }
-        Ok(Box::new(Part { dataset, indices }))
+        let mut indices = there.clone();
+        for pass in 1..self.passes.get() {
+            // Where it turns round a frame comes once.
+            let others = there[1..].iter().copied();
+            let back = there[..there.len() - 1].iter().rev().copied();
+            if pass % 2 == 1 { indices.extend(back) } else { indices.extend(others) }
+        }
+        Ok(Box::new(Part { dataset, indices, renumbered: self.passes.get() > 1 }))
     }
 }
 
 struct Part {
     dataset: Box<dyn Dataset>,
     indices: Vec<usize>,
+    /// Frames are numbered by their place in the part.
+    renumbered: bool,
 }
 
 impl Dataset for Part {
@@ -61,11 +73,16 @@ impl Dataset for Part {
     }
 
     fn sequence(&self, index: usize) -> u64 {
-        self.dataset.sequence(self.indices[index])
+        if self.renumbered { index as u64 } else { self.dataset.sequence(self.indices[index]) }
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.dataset.frame(self.indices[index])
+        let mut frame = self.dataset.frame(self.indices[index])?;
+        if self.renumbered {
+            frame.sequence = index as u64;
+            frame.timestamp_nanos = counted_nanos(frame.sequence);
+        }
+        Ok(frame)
     }
 
     fn skipped(&self) -> &[String] {

@@ -49,7 +49,7 @@ fn error(kind: &str, folder: &Path) -> String {
 }
 
 fn range(start: usize, end: Option<usize>, stride: usize) -> FrameRange {
-    FrameRange { start, end, stride: NonZeroUsize::new(stride).unwrap() }
+    FrameRange { start, end, stride: NonZeroUsize::new(stride).unwrap(), ..FrameRange::default() }
 }
 
 #[test]
@@ -197,6 +197,28 @@ fn masks_of_sixteen_bits_are_read() {
     let dataset = open("replica", folder.path()).unwrap();
     let mask = dataset.truth().unwrap().mask(0).unwrap();
     assert_eq!((mask.ids[1], mask.ids[24]), (300, 1));
+}
+
+#[test]
+fn passes_go_there_and_back_under_new_numbers() {
+    let folder = replica();
+    let spec = DatasetSpec::parse(&format!("replica:{}", folder.path().display())).unwrap();
+    let range = FrameRange { passes: NonZeroUsize::new(3).unwrap(), ..FrameRange::default() };
+    let walk = spec.open(range).unwrap();
+    let once = spec.open(FrameRange::default()).unwrap();
+    let shown = [0, 1, 2, 1, 0, 1, 2];
+    assert_eq!(walk.len(), shown.len());
+    for (index, of) in shown.into_iter().enumerate() {
+        let (found, expected) = (walk.frame(index).unwrap(), once.frame(of).unwrap());
+        assert_eq!((found.sequence, walk.sequence(index)), (index as u64, index as u64));
+        assert_eq!(found.timestamp_nanos, index as u64 * 1_000_000_000 / 30);
+        assert_eq!(
+            (found.color, found.world_from_camera),
+            (expected.color, expected.world_from_camera)
+        );
+        let mask = |dataset: &dyn Dataset, at| dataset.truth().unwrap().mask(at).unwrap();
+        assert_eq!(mask(&*walk, index), mask(&*once, of));
+    }
 }
 
 /// Frames 0, 2 and 7 in 7-Scenes layout; only frame 2 has holes of both kinds.

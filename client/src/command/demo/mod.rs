@@ -64,7 +64,12 @@ const POLL: Duration = Duration::from_millis(250);
 
 /// Runs the command.
 pub async fn run(arguments: &Demo) -> Result<()> {
-    let range = FrameRange { start: arguments.start, end: arguments.end, stride: arguments.stride };
+    let range = FrameRange {
+        start: arguments.start,
+        end: arguments.end,
+        stride: arguments.stride,
+        ..FrameRange::default()
+    };
     let dataset: Arc<dyn Dataset> = Arc::from(arguments.dataset.open(range)?);
     let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
