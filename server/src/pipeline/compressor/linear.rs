@@ -1,14 +1,23 @@
 //! Linear online stage: the leading eigenvectors of the second moments of all codes seen.
 //!
+//! What is rare counts for more than its pixels: a code weighs by the root of its leverage, which is
+//! gᵀ M⁻¹ g with M the plain moments. Of a thing that fills a hundredth of the pixels a tenth of the
+//! weight is left, not a hundredth; without that, codes of small things are the first that a
+//! small basis gives up.
+//!
 //! code = W g, g = direction of Wᵀ code, with W `[code_size, 32]` orthonormal rows. Rendering is a
 //! weighted sum and commutes with W, so a blended code decodes to the blend of what was written; no
 //! keyframe is forgotten, because the moments are sums. Every keyframe weighs the same. When the
 //! basis moves, it is turned within its span so that codes change as little as they can.
 
 use super::{GENERIC, OnlineStage, normalise_rows};
-use nalgebra::{DMatrix, SMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
 
 type Moments = SMatrix<f64, GENERIC, GENERIC>;
+type Code = SVector<f64, GENERIC>;
+
+/// Added to the moments' diagonal: what fills less than this share of the pixels weighs no more.
+const RIDGE: f64 = 1e-3;
 
 /// Running principal directions.
 #[derive(Clone)]
@@ -18,6 +27,8 @@ pub struct Linear {
     version: u64,
     keyframes: u64,
     /// Sum over keyframes of the mean g gᵀ.
+    plain: Moments,
+    /// The same, each code weighing by its leverage.
     moments: Moments,
     /// `[code_size, 32]`, orthonormal rows.
     basis: Vec<f32>,
@@ -31,14 +42,21 @@ impl Linear {
         for axis in 0..code_size {
             basis[axis * GENERIC + axis] = 1.0;
         }
-        Self { code_size, tolerance, version: 0, keyframes: 0, moments: Moments::zeros(), basis }
+        Self {
+            code_size,
+            tolerance,
+            version: 0,
+            keyframes: 0,
+            plain: Moments::zeros(),
+            moments: Moments::zeros(),
+            basis,
+        }
     }
 
     /// How much of the squared length of all codes seen a basis keeps.
     fn kept(&self, basis: &[f32]) -> f64 {
         let row_kept = |row: &[f32]| {
-            let row =
-                nalgebra::SVector::<f64, GENERIC>::from_iterator(row.iter().map(|&v| v.into()));
+            let row = Code::from_iterator(row.iter().map(|&v| v.into()));
             row.dot(&(self.moments * row))
         };
         basis.chunks_exact(GENERIC).map(row_kept).sum()
@@ -55,9 +73,13 @@ impl OnlineStage for Linear {
     }
 
     fn observe(&mut self, generic: &[f32]) -> bool {
-        let Some(seen) = mean_outer_product(generic) else { return false };
-        self.moments += seen;
+        let Some(seen) = mean_outer_product(generic, |_| 1.0) else { return false };
+        self.plain += seen;
         self.keyframes += 1;
+        let ridged = self.plain / self.keyframes as f64 + Moments::identity() * RIDGE;
+        let inverse = ridged.try_inverse().expect("positive definite");
+        let leverage = |code: &Code| code.dot(&(inverse * code)).sqrt();
+        self.moments += mean_outer_product(generic, leverage).expect("as before");
         let best = principal_rows(self.moments, self.code_size);
         let lost = self.kept(&best) - self.kept(&self.basis);
         if self.version > 0 && lost <= self.tolerance * self.keyframes as f64 {
@@ -105,19 +127,22 @@ fn turned_towards(old: &[f32], new: &[f32]) -> Vec<f32> {
     (left * right * new).transpose().as_slice().to_vec()
 }
 
-/// Mean of g gᵀ over the rows that have a direction; `None` if there is none.
-fn mean_outer_product(generic: &[f32]) -> Option<Moments> {
+/// Weighted mean of g gᵀ over the rows that have a direction, g being of unit length; `None` if there is
+/// none.
+fn mean_outer_product(generic: &[f32], weight: impl Fn(&Code) -> f64) -> Option<Moments> {
     let mut sum = Moments::zeros();
-    let mut rows = 0_u32;
+    let mut weights = 0.0;
     for row in generic.chunks_exact(GENERIC) {
-        let row = nalgebra::SVector::<f64, GENERIC>::from_iterator(row.iter().map(|&v| v.into()));
+        let row = Code::from_iterator(row.iter().map(|&v| v.into()));
         let squared = row.norm_squared();
         if squared.is_finite() && squared > 0.0 {
-            sum.ger(1.0 / squared, &row, &row, 1.0);
-            rows += 1;
+            let row = row / squared.sqrt();
+            let weight = weight(&row);
+            sum.ger(weight, &row, &row, 1.0);
+            weights += weight;
         }
     }
-    (rows > 0).then(|| sum / f64::from(rows))
+    (weights > 0.0).then(|| sum / weights)
 }
 
 /// Eigenvectors of the largest eigenvalues, largest first; the sign is such that the entry with the
@@ -138,6 +163,37 @@ fn principal_rows(moments: Moments, count: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn what_is_rare_is_not_given_up_for_the_noise_of_what_is_common() {
+        // One direction that wavers along four others, and in one pixel of 200 something else.
+        let mut random = ChaCha8Rng::seed_from_u64(6);
+        let pixel = |at: usize| {
+            let mut code = vec![0.0; GENERIC];
+            if at % 200 == 0 {
+                code[31] = 1.0;
+            } else {
+                code[0] = 1.0;
+                (1..5).for_each(|axis| code[axis] = random.random_range(-0.2..0.2));
+            }
+            code
+        };
+        let codes: Vec<f32> = (0..4000).flat_map(pixel).collect();
+        let mut rare = vec![0.0; GENERIC];
+        rare[31] = 1.0;
+        let mut stage = Linear::new(4, 0.001);
+        stage.observe(&codes);
+        let kept = |basis: &[f32]| {
+            let along = basis.chunks_exact(GENERIC).map(|row| row[31].powi(2));
+            along.sum::<f32>().sqrt()
+        };
+        assert!(kept(&stage.basis) > 0.9, "{}", kept(&stage.basis));
+        // Negative control: by plain moments it is given up.
+        let plain = principal_rows(stage.plain, 4);
+        assert!(kept(&plain) < 0.7, "{}", kept(&plain));
+    }
 
     fn basis(angle: f32) -> Vec<f32> {
         // Two orthonormal rows in the plane of the first two axes, the second one mirrored.
