@@ -3,12 +3,13 @@
 //! DBSCAN (Ester et al. 1996) with a distance that follows the Gaussians' own size: two are neighbours
 //! if less than `metres` lies between the balls of their reach. What was seen from afar has few and
 //! large Gaussians, what was seen from near many small ones: both are one thing. A Gaussian with
-//! [`NEIGHBOURS`] is at the core of something; cores that are neighbours are one cluster; others join
-//! their nearest core, or are floaters and belong to nothing. A cluster of too few is noise.
+//! three neighbours, itself among them, is at the core of something; cores that are neighbours are one
+//! cluster; others join their nearest core, or are floaters and belong to nothing. A cluster of too few
+//! is noise.
 
 use super::answer::{Object, ScoredPoint};
 use super::boxes;
-use nalgebra::Point3;
+use super::neighbours::Neighbours;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap as HashMap;
 
@@ -32,10 +33,30 @@ pub(super) struct Density {
     pub points: usize,
 }
 
-/// Neighbours of a core, itself among them.
-const NEIGHBOURS: usize = 3;
-/// Reaches up to this are of level 0, metres; each level holds twice as far ones.
-const LEAST_REACH: f32 = 0.02;
+/// Which clusters are worth telling beside the best: a map is never quite sure, and crumbs of things
+/// that look alike lie about.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Worth {
+    /// Relevancy that all points are above.
+    pub threshold: f32,
+    /// How far above it a score must be, as a share of how far the best one is.
+    pub score: f32,
+    /// Least members, as a share of the largest cluster's.
+    pub size: f32,
+}
+
+impl Worth {
+    /// What is left of clusters, best first, and their members.
+    fn sifted(self, mut found: Vec<(Object, Vec<usize>)>) -> Vec<(Object, Vec<usize>)> {
+        let best = found.first().map_or(0.0, |(object, _)| object.score);
+        let largest = found.iter().map(|(object, _)| object.points).max().unwrap_or(0);
+        let least = self.threshold + self.score * (best - self.threshold);
+        found.retain(|(object, _)| {
+            object.score >= least && object.points as f32 >= self.size * largest as f32
+        });
+        found
+    }
+}
 
 /// What hangs together.
 pub(super) struct Clusters {
@@ -46,20 +67,20 @@ pub(super) struct Clusters {
 }
 
 /// Clusters as objects, and their points.
-pub(super) fn clustered(relevant: &[Weighted], density: Density) -> Clusters {
-    let clusters = clusters(relevant, density);
-    let mut members: Vec<usize> = clusters.iter().flatten().copied().collect();
+pub(super) fn clustered(relevant: &[Weighted], density: Density, worth: Worth) -> Clusters {
+    let found = worth.sifted(objects(relevant, clusters(relevant, density)));
+    let mut members: Vec<usize> = found.iter().flat_map(|(_, members)| members).copied().collect();
     members.sort_unstable();
     let points = members.into_iter().map(|at| relevant[at].point).collect();
-    Clusters { objects: objects(relevant, clusters), points }
+    Clusters { objects: found.into_iter().map(|(object, _)| object).collect(), points }
 }
 
-fn objects(relevant: &[Weighted], clusters: Vec<Vec<usize>>) -> Vec<Object> {
-    let mut found: Vec<Object> = clusters
-        .into_iter()
-        .map(|members| object(&members.iter().map(|&at| relevant[at]).collect::<Vec<_>>()))
-        .collect();
-    found.sort_by(|a, b| b.score.total_cmp(&a.score).then(b.points.cmp(&a.points)));
+/// Best first.
+fn objects(relevant: &[Weighted], clusters: Vec<Vec<usize>>) -> Vec<(Object, Vec<usize>)> {
+    let weighted = |members: &[usize]| members.iter().map(|&at| relevant[at]).collect::<Vec<_>>();
+    let mut found: Vec<(Object, Vec<usize>)> =
+        clusters.into_iter().map(|members| (object(&weighted(&members)), members)).collect();
+    found.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score).then(b.points.cmp(&a.points)));
     found
 }
 
@@ -114,199 +135,41 @@ fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
     found
 }
 
-/// Who is near whom (Gunawan's grid for DBSCAN, 2013): first into blocks so small that all within one
-/// are neighbours, so that a dense thing costs as much as its blocks and not as its pairs; then blocks
-/// into a grid.
-struct Neighbours<'a> {
-    relevant: &'a [Weighted],
-    metres: f32,
-    blocks: Vec<Block>,
-    /// The block of each.
-    block_of: Vec<u32>,
-    /// By level: the furthest reach of a block in it, side of a cell, which blocks are in each cell.
-    levels: Vec<(f32, f32, HashMap<Cell, Vec<u32>>)>,
-}
-
-/// Gaussians that are all neighbours of each other, and a ball that holds them and their reach.
-struct Block {
-    members: Vec<usize>,
-    center: Point3<f32>,
-    reach: f32,
-}
-
-impl<'a> Neighbours<'a> {
-    fn new(relevant: &'a [Weighted], metres: f32) -> Self {
-        let blocks = blocks(relevant, metres);
-        let mut block_of = vec![0; relevant.len()];
-        let mut levels: Vec<(f32, f32, HashMap<Cell, Vec<u32>>)> = Vec::new();
-        for (block, at) in blocks.iter().zip(0u32..) {
-            block.members.iter().for_each(|&member| block_of[member] = at);
-            let level = level(block.reach);
-            while levels.len() <= level {
-                let most = furthest(levels.len());
-                levels.push((most, metres + 2.0 * most, HashMap::default()));
-            }
-            let (_, side, cells) = &mut levels[level];
-            cells.entry(cell_of(&block.center, *side)).or_default().push(at);
-        }
-        levels.retain(|(_, _, cells)| !cells.is_empty());
-        Self { relevant, metres, blocks, block_of, levels }
-    }
-
-    /// What lies between the balls of two, metres; negative where they overlap.
-    fn gap(&self, a: usize, b: usize) -> f32 {
-        let (a, b) = (&self.relevant[a], &self.relevant[b]);
-        (a.point.position - b.point.position).norm() - a.reach - b.reach
-    }
-
-    fn are_near(&self, a: usize, b: usize) -> bool {
-        a == b || self.gap(a, b) < self.metres
-    }
-
-    /// The blocks that may hold neighbours of a block's members, itself among them.
-    fn blocks_near(&self, block: &Block) -> impl Iterator<Item = u32> {
-        let far = move |reach: f32| self.metres + block.reach + reach;
-        self.levels
-            .iter()
-            .flat_map(move |(most, side, cells)| {
-                let (center, steps) = (cell_of(&block.center, *side), (far(*most) / side).ceil());
-                around(center, steps as i32).filter_map(|cell| cells.get(&cell)).flatten().copied()
-            })
-            .filter(move |&other| {
-                let other = &self.blocks[other as usize];
-                (block.center - other.center).norm_squared() < far(other.reach).powi(2)
-            })
-    }
-
-    /// The neighbours of one, itself among them.
-    fn of(&self, at: usize) -> impl Iterator<Item = usize> {
-        self.blocks_near(&self.blocks[self.block_of[at] as usize])
-            .flat_map(|block| self.blocks[block as usize].members.iter().copied())
-            .filter(move |&other| self.are_near(at, other))
-    }
-
-    /// Who is at the core of something.
-    fn cores(&self) -> Vec<bool> {
-        let is_core = |(at, &block): (usize, &u32)| {
-            self.blocks[block as usize].members.len() >= NEIGHBOURS
-                || self.of(at).take(NEIGHBOURS).count() == NEIGHBOURS
-        };
-        self.block_of.par_iter().enumerate().map(is_core).collect()
-    }
-
-    /// Cores that are neighbours, or neighbours of neighbours and so on, in one group.
-    fn joined(&self, is_core: &[bool]) -> Groups {
-        let cores = |block: u32| {
-            self.blocks[block as usize].members.iter().copied().filter(|&at| is_core[at])
-        };
-        let all = 0..self.blocks.len() as u32;
-        let mut groups = Groups::new(self.relevant.len());
-        for block in all.clone() {
-            let Some(first) = cores(block).next() else { continue };
-            cores(block).for_each(|other| groups.join(first, other));
-        }
-        for block in all {
-            let Some(first) = cores(block).next() else { continue };
-            let near = self.blocks_near(&self.blocks[block as usize]);
-            for other in near.filter(|&other| other < block) {
-                let Some(second) = cores(other).next() else { continue };
-                if groups.of(first) == groups.of(second) {
-                    continue;
-                }
-                if cores(block).any(|a| cores(other).any(|b| self.are_near(a, b))) {
-                    groups.join(first, second);
-                }
-            }
-        }
-        groups
-    }
-}
-
-/// All of them in blocks: the reaches of a block are of one level.
-fn blocks(relevant: &[Weighted], metres: f32) -> Vec<Block> {
-    let mut place_of: HashMap<(usize, Cell), usize> = HashMap::default();
-    let mut members: Vec<Vec<usize>> = Vec::new();
-    for (at, one) in relevant.iter().enumerate() {
-        let level = level(one.reach);
-        let least = if level == 0 { 0.0 } else { furthest(level - 1) };
-        // Its diagonal is a little less than what neighbours can be apart.
-        let side = 0.57 * (metres + 2.0 * least);
-        let place =
-            *place_of.entry((level, cell_of(&one.point.position, side))).or_insert_with(|| {
-                members.push(Vec::new());
-                members.len() - 1
-            });
-        members[place].push(at);
-    }
-    members.into_iter().map(|members| block(relevant, members)).collect()
-}
-
-fn block(relevant: &[Weighted], members: Vec<usize>) -> Block {
-    let positions = || members.iter().map(|&at| relevant[at].point.position);
-    let low = positions().fold(Point3::from([f32::INFINITY; 3]), |a, b| a.inf(&b));
-    let high = positions().fold(Point3::from([f32::NEG_INFINITY; 3]), |a, b| a.sup(&b));
-    let center = nalgebra::center(&low, &high);
-    let end = |&at: &usize| (relevant[at].point.position - center).norm() + relevant[at].reach;
-    let reach = members.iter().map(end).fold(0.0, f32::max);
-    Block { members, center, reach }
-}
-
-type Cell = [i32; 3];
-
-/// Each level reaches twice as far as the one before.
-fn level(reach: f32) -> usize {
-    (reach / LEAST_REACH).max(1.0).log2().ceil() as usize
-}
-
-/// The furthest reach of a level, metres.
-fn furthest(level: usize) -> f32 {
-    LEAST_REACH * (1 << level) as f32
-}
-
-fn cell_of(position: &Point3<f32>, side: f32) -> Cell {
-    std::array::from_fn(|axis| (position[axis] / side).floor() as i32)
-}
-
-/// A cell and those up to so many steps from it.
-fn around(center: Cell, steps: i32) -> impl Iterator<Item = Cell> {
-    let width = 2 * steps + 1;
-    (0..width * width * width).map(move |i| {
-        let step = [i % width, i / width % width, i / width / width];
-        std::array::from_fn(|axis| center[axis].saturating_add(step[axis] - steps))
-    })
-}
-
-/// Disjoint sets.
-struct Groups(Vec<usize>);
-
-impl Groups {
-    fn new(count: usize) -> Self {
-        Self((0..count).collect())
-    }
-
-    /// The one that stands for its set.
-    fn of(&mut self, mut at: usize) -> usize {
-        while self.0[at] != at {
-            self.0[at] = self.0[self.0[at]];
-            at = self.0[at];
-        }
-        at
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.of(a), self.of(b));
-        self.0[a.max(b)] = a.min(b);
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::neighbours::NEIGHBOURS;
     use super::*;
+    use nalgebra::Point3;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
+    const ALL: Worth = Worth { threshold: 0.5, score: 0.0, size: 0.0 };
+
     fn objects(relevant: &[Weighted], density: Density) -> Vec<Object> {
-        clustered(relevant, density).objects
+        clustered(relevant, density, ALL).objects
+    }
+
+    #[test]
+    fn crumbs_are_not_told_beside_a_thing() {
+        let mut random = ChaCha8Rng::seed_from_u64(9);
+        let mut points = blob(Point3::origin(), 0.9, &mut random);
+        // As good and as large; as good and tiny; as large and doubtful.
+        points.extend(blob(Point3::new(1.0, 0.0, 0.0), 0.8, &mut random));
+        points.extend(
+            blob(Point3::new(2.0, 0.0, 0.0), 0.9, &mut random)
+                .drain(..)
+                .take(20)
+                .map(|one| Weighted { reach: 0.2, ..one }),
+        );
+        points.extend(blob(Point3::new(3.0, 0.0, 0.0), 0.6, &mut random));
+        assert_eq!(objects(&points, DENSITY).len(), 4);
+        let worth = Worth { threshold: 0.5, score: 0.5, size: 0.1 };
+        let told = clustered(&points, DENSITY, worth);
+        assert_eq!((told.objects.len(), told.points.len()), (2, 600));
+        // What is alone is told however doubtful it is.
+        let alone = blob(Point3::origin(), 0.55, &mut random);
+        assert_eq!(clustered(&alone, DENSITY, worth).objects.len(), 1);
+        assert!(clustered(&[], DENSITY, worth).objects.is_empty());
     }
 
     const DENSITY: Density = Density { metres: 0.08, points: 8 };
@@ -337,7 +200,7 @@ mod tests {
         assert!((found[0].score - 0.9).abs() < 1e-5 && (found[1].score - 0.7).abs() < 1e-5);
         assert_eq!((found[0].points, found[1].points), (300, 300));
         // Floaters are among the points of no answer, and nothing else is missing.
-        let kept = clustered(&points, DENSITY).points;
+        let kept = clustered(&points, DENSITY, ALL).points;
         assert_eq!(kept.len(), 600);
         assert!(kept.iter().all(|point| point.score < 0.95), "the floaters' is 0.99");
 

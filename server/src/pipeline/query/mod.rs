@@ -12,6 +12,7 @@ mod boxes;
 mod clusters;
 mod cosines;
 mod mesh;
+mod neighbours;
 mod picture;
 mod place;
 mod presence;
@@ -64,6 +65,10 @@ pub struct QueryConfig {
     pub cluster_metres: f32,
     /// Objects: Gaussians of the smallest one; as many must reach a score for it to speak for presence.
     pub cluster_points: usize,
+    /// Objects: how far above the threshold, as a share of how far the best one is.
+    pub object_score: f32,
+    /// Objects: least Gaussians, as a share of the largest one's.
+    pub object_size: f32,
 }
 
 impl Default for QueryConfig {
@@ -77,6 +82,8 @@ impl Default for QueryConfig {
             feature_cache_mib: 512,
             cluster_metres: 0.08,
             cluster_points: 6,
+            object_score: 0.4,
+            object_size: 0.02,
         }
     }
 }

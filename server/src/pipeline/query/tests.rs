@@ -327,6 +327,20 @@ fn pictures_show_the_map() {
     let pixel = |data: &[u8], at: usize| [data[3 * at], data[3 * at + 1], data[3 * at + 2]];
     assert!(pixel(&data, left)[1] < 80 && pixel(&data, right)[1] > 150);
     assert_eq!(pixel(&data, corner), [0; 3]);
+    // The same frame, had it been exposed half as long; the map's own colours from its place.
+    let mut dim = (*room.snapshot).clone();
+    let frame = TrackedFrame { exposure: [0.5_f32.ln(), 0.0], ..dim.trajectory[0] };
+    dim.trajectory = Arc::new(vec![frame]);
+    let shown = |view: View| {
+        let request = RenderRequest { view, channel: Channel::Color, size: None };
+        match wait(room.thread.render(Arc::new(dim.clone()), request)).expect("it renders") {
+            Picture::Rgb { data, .. } => i32::from(pixel(&data, right)[1]),
+            other => panic!("{other:?}"),
+        }
+    };
+    let bright = i32::from(pixel(&data, right)[1]);
+    let of_camera = View::Camera { intrinsics: CAMERA, world_from_camera: Isometry3::identity() };
+    assert!((2 * shown(View::Frame(7)) - bright).abs() <= 2 && shown(of_camera) == bright);
     let Picture::Depth { metres, .. } = room.render(Channel::Depth) else { panic!("depth") };
     assert!((metres[left] - 2.0).abs() < 0.01 && metres[corner] == 0.0, "{}", metres[left]);
     let Picture::Rgb { data, .. } = room.render(Channel::Language) else { panic!("RGB") };

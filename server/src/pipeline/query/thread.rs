@@ -4,7 +4,7 @@
 //! queue makes the asker wait.
 
 use super::answer::{Answer, Heatmap, Picture, ScoredPoint, Segmentation, Timing};
-use super::clusters::{Clusters, Density, clustered};
+use super::clusters::{Clusters, Density, Worth, clustered};
 use super::picture::{self, PaletteCache};
 use super::presence::Presence;
 use super::relevancy::Comparison;
@@ -332,7 +332,9 @@ impl Worker {
         let scores = self.space.scores(&mut self.decoder, snapshot, comparison, threshold)?;
         let density =
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
-        let Clusters { mut objects, mut points } = clustered(&scores.relevant, density);
+        let worth =
+            Worth { threshold, score: self.config.object_score, size: self.config.object_size };
+        let Clusters { mut objects, mut points } = clustered(&scores.relevant, density, worth);
         place::sort_out(&mut objects, &query.place);
         points.retain(|point: &ScoredPoint| {
             query.place.within.is_none_or(|within| within.contains(&point.position))
