@@ -172,7 +172,7 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(6);
         let pixel = |at: usize| {
             let mut code = vec![0.0; GENERIC];
-            if at % 200 == 0 {
+            if at.is_multiple_of(200) {
                 code[31] = 1.0;
             } else {
                 code[0] = 1.0;
