@@ -264,7 +264,8 @@ fn several_words_share_a_view_and_the_space_among_them() {
 
 #[test]
 fn places_limit_and_order_what_is_found() {
-    let room = room(&QueryConfig::default());
+    // Both squares are told, however much more one of them is a sofa.
+    let room = room(&QueryConfig { object_score: 0.0, ..QueryConfig::default() });
     let point = |x: f32| nalgebra::Point3::new(x, 0.0, 2.0);
     let ask = |place: Place| {
         // A threshold that both squares pass.
@@ -286,6 +287,16 @@ fn places_limit_and_order_what_is_found() {
     let (found, points) = ask(Place { near: None, within });
     assert_eq!((found.len(), points.len()), (1, SIDE * SIDE));
     assert!(points.iter().all(|point| point.position.x > 0.0) && found[0].center.x > 0.0);
+}
+
+#[test]
+fn a_doubtful_thing_is_not_told_beside_a_sure_one() {
+    let room = room(&QueryConfig::default());
+    let answer =
+        room.ask(Query { threshold: Some(0.0), ..query("sofa", None) }).expect("an answer");
+    let objects = answer.objects.expect("asked for");
+    assert_eq!(objects.len(), 1);
+    assert!(objects[0].center.x < 0.0, "the sofa is on the left: {objects:?}");
 }
 
 #[test]
