@@ -101,7 +101,7 @@ impl Default for TrackerConfig {
             width: 640,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
-            photometric_weight: 450.0,
+            photometric_weight: 600.0,
             geometric_weight: 1e4,
             depth_noise: 0.0007,
             map_weight: 0.0,
