@@ -28,6 +28,7 @@ test: ## Format, lints, licences, borders and every test
 bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-gpu --bench engine
 	cargo bench -p lexsplat-server --bench query
+	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
 training-test: .venv/export ## Tests of the scripts that export networks (installs PyTorch into .venv/: 3 GB)
 	cd training && ../.venv/bin/python -m pytest -q tests

@@ -274,6 +274,8 @@ impl Config {
             ("tracker.geometric_weight", self.tracker.geometric_weight),
             ("tracker.depth_noise", self.tracker.depth_noise),
             ("tracker.correlated_pixels", self.tracker.correlated_pixels),
+            ("query.object_score", self.query.object_score.into()),
+            ("query.object_size", self.query.object_size.into()),
         ];
         for (key, value) in weights {
             if !(value.is_finite() && value >= 0.0) {
