@@ -166,13 +166,13 @@ structs! {
         /// Fills the struct to 112 bytes.
         spare: [u32; 2] => "vec2<u32>",
     }
-    /// A Gaussian as one camera sees it: alpha = 2^(level - xx dx^2 - xy dx dy - yy dy^2) at an
-    /// offset (dx, dy) from its centre.
+    /// A Gaussian as one camera sees it: alpha = 2^(level - first dx^2 - second (dy - lean dx)^2) at
+    /// an offset (dx, dy) from its centre.
     Splat {
-        /// Centre, in pixels; xx and xy.
+        /// Centre, in pixels; first; lean.
         place: Row => "vec4<f32>",
-        /// yy; level; z in the camera, metres; by how much the power may fall before alpha is below
-        /// `MIN_ALPHA`.
+        /// Second; level; z in the camera, metres; by how much the power may fall before alpha is
+        /// below `MIN_ALPHA`.
         form: Row => "vec4<f32>",
         /// Colour; depth once more. Zeros for language, whose features are too long to be carried.
         feature: Row => "vec4<f32>",

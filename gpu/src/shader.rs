@@ -116,7 +116,9 @@ pub const HITS: &str = include_str!("shared/hits.wgsl");
 pub const LANES_SUBGROUP: &str = include_str!("shared/lanes_subgroup.wgsl");
 /// Shared WGSL: how lanes talk through workgroup memory.
 pub const LANES_WORKGROUP: &str = include_str!("shared/lanes_workgroup.wgsl");
-/// Shared WGSL: which tiles a splat meets.
+/// Shared WGSL: the conic of a splat.
+pub const CONIC: &str = include_str!("shared/conic.wgsl");
+/// Shared WGSL: which tiles a splat meets; needs [`CONIC`].
 pub const EXTENT: &str = include_str!("shared/extent.wgsl");
 /// Shared WGSL: log scales to scales.
 pub const SCALES: &str = include_str!("shared/scales.wgsl");

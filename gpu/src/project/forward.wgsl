@@ -51,9 +51,12 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     // exp(-q / 2) = 2^(-q BITS / 2)
     let reach = max(log2(opacity / MIN_ALPHA), 0.0);
     let extent = sqrt(2.0 * reach / BITS_PER_NAT * sigma.xz);
-    let conic = BITS_PER_NAT * vec3<f32>(0.5, 1.0, 0.5) * conic_of(sigma);
-    let place = vec4<f32>(mean, conic.xy);
-    let form = vec4<f32>(conic.z, log2(opacity), p.z, reach);
+    // q = x^2 / Sigma_xx + (y - lean x)^2 Sigma_xx / det: squares, which cannot cancel as the conic's
+    // three terms do for a long thin splat.
+    let lean = sigma.y / sigma.x;
+    let squares = 0.5 * BITS_PER_NAT * vec2<f32>(1.0 / sigma.x, sigma.x / sigma.w);
+    let place = vec4<f32>(mean, squares.x, lean);
+    let form = vec4<f32>(squares.y, log2(opacity), p.z, reach);
     var feature = vec4<f32>(0.0);
     if COLOUR { feature = vec4<f32>(features[gaussian].xyz, p.z); }
     let splat = Splat(place, form, feature, extent, vec2<f32>(0.0));

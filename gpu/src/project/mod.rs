@@ -13,7 +13,7 @@ use crate::gaussians::Head;
 use crate::kernel::{Kernel, Recorder};
 use crate::layout::{Coverage, PassArguments, Row, Splat};
 use crate::order::Ranks;
-use crate::shader::{Access, Constant, EXTENT, GEOMETRY, GRID, SCALES, Shader};
+use crate::shader::{Access, CONIC, Constant, EXTENT, GEOMETRY, GRID, SCALES, Shader};
 use crate::tiles::Hits;
 use crate::tiling::Tiling;
 
@@ -77,7 +77,7 @@ pub fn shaders(tiling: Tiling, rows: usize, colour: bool) -> [Shader; 3] {
     [
         shader(
             if colour { "project_colour" } else { "project_language" },
-            vec![GRID, SCALES, GEOMETRY, EXTENT, include_str!("forward.wgsl")],
+            vec![GRID, SCALES, GEOMETRY, CONIC, EXTENT, include_str!("forward.wgsl")],
             vec![Read, Read, Read, Write, Write],
         ),
         shader(

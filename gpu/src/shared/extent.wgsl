@@ -22,7 +22,7 @@ fn distance_below(conic: vec3<f32>, d: vec2<f32>) -> f32 {
 fn touches(splat: Splat, tile: vec2<u32>) -> bool {
     let low = vec2<f32>(tile) * TILE_SIZE - splat.place.xy;
     let high = low + TILE_SIZE - 1.0;
-    let conic = vec3<f32>(splat.place.zw, splat.form.x);
+    let conic = conic_of_splat(splat);
     let nearest = clamp(vec2<f32>(0.0), low, high);
     let y = clamp(-0.5 * conic.y * nearest.x / conic.z, low.y, high.y);
     let x = clamp(-0.5 * conic.y * nearest.y / conic.x, low.x, high.x);

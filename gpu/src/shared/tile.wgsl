@@ -21,11 +21,12 @@ struct Footprint {
     alpha: vec4<f32>,
 }
 
-/// `place` and `form` are a Splat's, whose conic and opacity are made for powers of two.
+/// `place` and `form` are a Splat's, whose squares and opacity are made for powers of two.
 fn footprint(place: vec4<f32>, form: vec4<f32>, origin: vec2<f32>) -> Footprint {
     let dx = vec4<f32>(place.x - origin.x) - vec4<f32>(0.0, 1.0, 2.0, 3.0);
     let dy = place.y - origin.y;
-    let power = vec4<f32>(form.y - form.x * dy * dy) - dx * (place.z * dx + vec4<f32>(place.w * dy));
+    let off = vec4<f32>(dy) - place.w * dx;
+    let power = vec4<f32>(form.y) - place.z * dx * dx - form.x * off * off;
     let alpha = exp2(power);
     return Footprint(dx, dy, select(vec4<f32>(0.0), alpha, alpha >= vec4<f32>(MIN_ALPHA)));
 }

@@ -8,7 +8,7 @@ use crate::kernel::{Kernel, Recorder};
 use crate::layout::{PassArguments, Row, Splat};
 use crate::order::Ranks;
 use crate::project::{HeadGradients, SUM_ROWS};
-use crate::shader::{Access, Constant, GRID, Shader};
+use crate::shader::{Access, CONIC, Constant, GRID, Shader};
 
 /// The kernel.
 pub struct Tally {
@@ -36,7 +36,7 @@ pub fn shaders() -> [Shader; 1] {
     [Shader {
         label: "tally",
         entry: "main",
-        parts: vec![GRID, include_str!("tally.wgsl")],
+        parts: vec![GRID, CONIC, include_str!("tally.wgsl")],
         constants: vec![("SUMS", Constant::U32(SUM_ROWS[0] as u32))],
         bindings: vec![Read, Read, Read, Read, Write],
     }]

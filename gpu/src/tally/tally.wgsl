@@ -17,7 +17,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let gaussian = gaussian_from_visible[index];
     let splat = splats[gaussian];
     let first = sums[SUMS * index];
-    let conic = vec3<f32>(2.0 * splat.place.z, splat.place.w, 2.0 * splat.form.x) / BITS_PER_NAT;
+    let conic = vec3<f32>(2.0, 1.0, 2.0) * conic_of_splat(splat) / BITS_PER_NAT;
     let d_mean = vec2<f32>(dot(conic.xy, first.xy), dot(conic.yz, first.xy));
     let norm = length(d_mean * 0.5 * vec2<f32>(pass_.size));
     let row = 2u * gaussian;

@@ -7,7 +7,7 @@ use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
 use crate::layout::{LONGEST_LOOP, PassArguments};
 use crate::scan::ScanScratch;
-use crate::shader::{Access, EXTENT, GRID, Shader};
+use crate::shader::{Access, CONIC, EXTENT, GRID, Shader};
 use crate::sort::Sort;
 
 /// The kernels.
@@ -33,12 +33,12 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 3] {
     [
         shader(
             "tiles_count",
-            vec![GRID, EXTENT, walk, runs, include_str!("count.wgsl")],
+            vec![GRID, CONIC, EXTENT, walk, runs, include_str!("count.wgsl")],
             vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
             "tiles_place",
-            vec![EXTENT, walk, runs, include_str!("place.wgsl")],
+            vec![CONIC, EXTENT, walk, runs, include_str!("place.wgsl")],
             vec![Read, Read, Read, Read, Write, Write, Write],
         ),
         shader("tiles_bounds", vec![GRID, include_str!("bounds.wgsl")], vec![Read, Write]),

@@ -6,7 +6,7 @@ use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::kernel::{Kernel, Recorder};
 use crate::layout::HitCount;
-use crate::shader::{Access, EXTENT, GRID, Shader};
+use crate::shader::{Access, CONIC, EXTENT, GRID, Shader};
 use crate::sort::{Sort, SortBuffers};
 
 /// The kernels.
@@ -26,7 +26,7 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 2] {
     [
         shader(
             "tiles_emit",
-            vec![GRID, EXTENT, include_str!("walk.wgsl"), include_str!("emit.wgsl")],
+            vec![GRID, CONIC, EXTENT, include_str!("walk.wgsl"), include_str!("emit.wgsl")],
             vec![Read, Read, Read, Read, Write, Write, Write, Write],
         ),
         shader(

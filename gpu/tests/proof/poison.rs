@@ -217,12 +217,9 @@ fn extreme_values_are_drawn_as_far_as_they_go() {
             let pairs = image.opacity.iter().zip(&wanted);
             let error = pairs.map(|(a, t)| (f64::from(*a) - (1.0 - t)).abs()).fold(0.0, f64::max);
             let name = format!("log scales {log_scales:?} logit {logit}");
-            // Measured on llvmpipe: 1.0e-6 of the others. The needle is as thin as the dilation lets it
-            // be, and what an offset across it is wrong by counts by the inverse of that: 5.9e-5.
+            // Measured on llvmpipe: 1.3e-6, the needle as thin as the dilation lets it be.
             println!("{name}: {error:.1e}");
-            let is_needle = log_scales == [-46.0, -3.0, 6.0];
-            let bound = if is_needle { 1e-4 } else { TOLERANCE / 10.0 };
-            assert!(error < bound, "{name}: {error:.1e}");
+            assert!(error < TOLERANCE / 10.0, "{name}: {error:.1e}");
             for gradient in gradients(&mut renderer, &map, &camera) {
                 let rows = (0..3).flat_map(|i| row(&gradient, i));
                 assert!(rows.clone().all(f32::is_finite), "{name}: {:?}", row(&gradient, 0));
