@@ -134,6 +134,7 @@ async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) 
         log: out.join("server.log"),
     };
     let options = Options {
+        threshold: None,
         poses: Poses::Estimate,
         encoder: variant.encoder,
         hold_out_every: None,

@@ -48,6 +48,10 @@ pub struct Evaluate {
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
+    /// Relevancy above which something counts in an answer; absent: the bundle's, or 0.9 with the oracle,
+    /// whose features are as near to their words as can be, but also to what resembles them
+    #[arg(long, value_name = "SHARE", requires = "language")]
+    threshold: Option<f32>,
     /// Folder for report.json, report.md, plots, pictures and server.log; made if missing
     #[arg(long, value_name = "DIR", default_value = "evaluate-out")]
     out: PathBuf,
@@ -92,6 +96,7 @@ pub async fn run(arguments: &Evaluate) -> Result<()> {
         encoder: arguments.encoder,
         hold_out_every: NonZeroUsize::new(arguments.held_out),
         language: arguments.language,
+        threshold: arguments.threshold,
     };
     if let (Some(grpc), Some(http)) = (&arguments.grpc, &arguments.http) {
         let map = arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned());
@@ -217,12 +222,12 @@ fn print(report: &Report) {
         .iter()
         .map(|class| {
             let m = &class.means;
-            let numbers = [m.share, m.miou_paper, m.miou_bundle, m.loc_box, m.average_precision];
+            let numbers = [m.share, m.miou_paper, m.miou_answer, m.loc_box, m.average_precision];
             let cells = [class.label.clone(), class.frames.to_string()].into_iter();
             cells.chain(numbers.map(|number| format!("{number:.3}"))).collect()
         })
         .collect();
-    let threshold = format!("IoU at {:.2}", language.bundle_threshold);
+    let threshold = format!("IoU at {:.2}", language.answer_threshold);
     let columns = ["class", "frames", "share", "IoU at 0.5", &threshold, "Loc", "AP"]
         .map(|name| (name, if name == "class" { Align::Left } else { Align::Right }));
     print!("\n{}", table(&columns, &rows));

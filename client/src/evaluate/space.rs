@@ -194,7 +194,8 @@ pub(super) async fn score(
 }
 
 async fn ask(context: &Context<'_>, text: &str) -> Result<Answer, EvaluateError> {
-    let question = Question { max_objects: Some(MOST_OBJECTS), ..Question::in_space(text) };
+    let (max_objects, threshold) = (Some(MOST_OBJECTS), context.threshold);
+    let question = Question { max_objects, threshold, ..Question::in_space(text) };
     Ok(context.client.query(context.map, &question).await?)
 }
 

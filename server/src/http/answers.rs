@@ -129,8 +129,9 @@ pub(super) async fn heatmap(
     Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())
 }
 
-/// The relevant points of an answer: PLY (x, y, z, score), or float32 `[count, 4]`; after `texts` all with
-/// language: PLY (x, y, z, red, green, blue, label, score), or float32 `[count, 5]` (x, y, z, label, score).
+/// The points of an answer, 2 cm apart on the surface of what was found: PLY (x, y, z, score), or float32
+/// `[count, 4]`; after `texts` all Gaussians with language: PLY (x, y, z, red, green, blue, label, score), or
+/// float32 `[count, 5]` (x, y, z, label, score).
 #[utoipa::path(
     get, path = "/v1/maps/{name}/queries/{query_id}/points", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),

@@ -24,9 +24,9 @@ pub struct Answer {
     pub boxes: Option<Vec<ScoredBox>>,
     /// The most relevant pixel (view queries).
     pub peak: Option<Peak>,
-    /// Relevant Gaussians' centres.
+    /// The surface of the objects' Gaussians, 2 cm apart.
     pub points: Option<Vec<ScoredPoint>>,
-    /// Clusters of them, best first.
+    /// Clusters of relevant Gaussians, best first.
     pub objects: Option<Vec<Object>>,
     /// Where the time went.
     pub timing: Timing,

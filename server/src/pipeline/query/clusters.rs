@@ -16,6 +16,8 @@ use rustc_hash::FxHashMap as HashMap;
 /// A relevant Gaussian.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weighted {
+    /// Its index in the map.
+    pub row: u32,
     /// Centre and relevancy.
     pub point: ScoredPoint,
     /// Opacity of its language, 0..1.
@@ -62,17 +64,16 @@ impl Worth {
 pub(super) struct Clusters {
     /// Best first.
     pub objects: Vec<Object>,
-    /// The points that belong to an object, in order: without floaters.
-    pub points: Vec<ScoredPoint>,
+    /// Indices of those that belong to an object, in order: without floaters.
+    pub members: Vec<usize>,
 }
 
-/// Clusters as objects, and their points.
+/// Clusters as objects, and their members.
 pub(super) fn clustered(relevant: &[Weighted], density: Density, worth: Worth) -> Clusters {
     let found = worth.sifted(objects(relevant, clusters(relevant, density)));
     let mut members: Vec<usize> = found.iter().flat_map(|(_, members)| members).copied().collect();
     members.sort_unstable();
-    let points = members.into_iter().map(|at| relevant[at].point).collect();
-    Clusters { objects: found.into_iter().map(|(object, _)| object).collect(), points }
+    Clusters { objects: found.into_iter().map(|(object, _)| object).collect(), members }
 }
 
 /// Best first.
@@ -165,7 +166,7 @@ mod tests {
         assert_eq!(objects(&points, DENSITY).len(), 4);
         let worth = Worth { threshold: 0.5, score: 0.5, size: 0.1 };
         let told = clustered(&points, DENSITY, worth);
-        assert_eq!((told.objects.len(), told.points.len()), (2, 600));
+        assert_eq!((told.objects.len(), told.members.len()), (2, 600));
         // What is alone is told however doubtful it is.
         let alone = blob(Point3::origin(), 0.55, &mut random);
         assert_eq!(clustered(&alone, DENSITY, worth).objects.len(), 1);
@@ -175,7 +176,7 @@ mod tests {
     const DENSITY: Density = Density { metres: 0.08, points: 8 };
 
     fn weighted(position: Point3<f32>, score: f32) -> Weighted {
-        Weighted { point: ScoredPoint { position, score }, opacity: 0.9, reach: 0.01 }
+        Weighted { row: 0, point: ScoredPoint { position, score }, opacity: 0.9, reach: 0.01 }
     }
 
     fn blob(center: Point3<f32>, score: f32, random: &mut ChaCha8Rng) -> Vec<Weighted> {
@@ -199,10 +200,10 @@ mod tests {
         assert!((found[1].center - Point3::origin()).norm() < 0.03, "{:?}", found[1]);
         assert!((found[0].score - 0.9).abs() < 1e-5 && (found[1].score - 0.7).abs() < 1e-5);
         assert_eq!((found[0].points, found[1].points), (300, 300));
-        // Floaters are among the points of no answer, and nothing else is missing.
-        let kept = clustered(&points, DENSITY, ALL).points;
+        // Floaters are members of no answer, and nothing else is missing.
+        let kept = clustered(&points, DENSITY, ALL).members;
         assert_eq!(kept.len(), 600);
-        assert!(kept.iter().all(|point| point.score < 0.95), "the floaters' is 0.99");
+        assert!(kept.iter().all(|&at| points[at].point.score < 0.95), "the floaters' is 0.99");
 
         // Negative control: neighbours as far as the gap make one of them.
         let merged = objects(&points, Density { metres: 0.8, points: 8 });

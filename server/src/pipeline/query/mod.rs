@@ -23,6 +23,7 @@ mod rivals;
 mod scene;
 mod segment;
 mod space;
+mod surface;
 mod text;
 mod thread;
 mod view;

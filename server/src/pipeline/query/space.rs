@@ -123,7 +123,7 @@ impl SpaceCache {
             .filter_map(|(&row, score)| {
                 let (position, opacity) = placed(&snapshot.gaussians, row)?;
                 let reach = reach(scales[row as usize]);
-                Some(Weighted { point: ScoredPoint { position, score }, opacity, reach })
+                Some(Weighted { row, point: ScoredPoint { position, score }, opacity, reach })
             })
             .collect();
         let all = relevant.iter().map(|weighted| weighted.point.score).collect();

@@ -3,7 +3,7 @@
 //! In: snapshots with questions. Out: answers. Questions are answered one after the other; a full
 //! queue makes the asker wait.
 
-use super::answer::{Answer, Heatmap, Picture, ScoredPoint, Segmentation, Timing};
+use super::answer::{Answer, Heatmap, Picture, Segmentation, Timing};
 use super::clusters::{Clusters, Density, Worth, clustered};
 use super::picture::{self, PaletteCache};
 use super::presence::Presence;
@@ -13,7 +13,7 @@ use super::scene::Scene;
 use super::space::SpaceCache;
 use super::text::Words;
 use super::view::{self, ViewCache, ViewFeatures};
-use super::{QueryConfig, QueryError, place, presence, regions, viewpoint};
+use super::{QueryConfig, QueryError, place, presence, regions, surface, viewpoint};
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::encoder::Embed;
 use crate::pipeline::network::TextNetworks;
@@ -334,10 +334,15 @@ impl Worker {
             Density { metres: self.config.cluster_metres, points: self.config.cluster_points };
         let worth =
             Worth { threshold, score: self.config.object_score, size: self.config.object_size };
-        let Clusters { mut objects, mut points } = clustered(&scores.relevant, density, worth);
+        let Clusters { mut objects, members } = clustered(&scores.relevant, density, worth);
         place::sort_out(&mut objects, &query.place);
-        points.retain(|point: &ScoredPoint| {
-            query.place.within.is_none_or(|within| within.contains(&point.position))
+        let points = query.outputs.points.then(|| {
+            let covering: Vec<_> = members.iter().map(|&at| scores.relevant[at]).collect();
+            let mut points = surface::sampled(&snapshot.gaussians.language, &covering);
+            points.retain(|point| {
+                query.place.within.is_none_or(|within| within.contains(&point.position))
+            });
+            points
         });
         let enough = self.config.cluster_points;
         let confidence = self.presence.confidence(scores.all.iter().copied(), enough);
@@ -354,7 +359,7 @@ impl Worker {
             mask: None,
             boxes: None,
             peak: None,
-            points: outputs.points.then_some(points),
+            points,
             objects: outputs.objects.then_some(objects),
             timing,
         })
