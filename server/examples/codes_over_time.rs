@@ -87,6 +87,7 @@ fn main() -> anyhow::Result<()> {
     let mut vision = Vision::new(
         Bundle::load(&config)?.split().0,
         Box::new(|_| Err("no labels are given".into())),
+        &config,
     );
     let codes = arguments
         .images

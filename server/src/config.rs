@@ -254,6 +254,7 @@ impl Config {
             ("http.request_seconds", http.request_seconds),
             ("http.recent_answers", http.recent_answers as u64),
             ("http.event_backlog", http.event_backlog as u64),
+            ("language.label_columns", self.language.label_columns as u64),
         ];
         for (key, value) in at_least_one {
             if value == 0 {
@@ -274,6 +275,7 @@ impl Config {
             ("tracker.geometric_weight", self.tracker.geometric_weight),
             ("tracker.depth_noise", self.tracker.depth_noise),
             ("tracker.correlated_pixels", self.tracker.correlated_pixels),
+            ("query.bias", self.query.bias.unwrap_or_default().into()),
             ("query.object_score", self.query.object_score.into()),
             ("query.object_size", self.query.object_size.into()),
         ];

@@ -11,8 +11,7 @@ const FRAMES: usize = 18;
 
 fn options(language: bool) -> Options {
     let hold_out_every = NonZeroUsize::new(4);
-    let (poses, encoder) = (Poses::Given, Encoder::Bundle);
-    Options { poses, encoder, hold_out_every, language, threshold: None }
+    Options { poses: Poses::Given, encoder: Encoder::Bundle, hold_out_every, language }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -64,7 +63,7 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     assert!(report.peak_rss_bytes.is_some_and(|bytes| bytes > 50 << 20));
 
     let language = report.language.as_ref().expect("the room knows its things");
-    assert_eq!(language.answer_threshold, 0.5);
+    assert_eq!(language.bundle_threshold, 0.5);
     assert!(language.classes.len() >= 5, "{:?}", language.classes);
     let scene = &language.scene;
     // Knows much more than a map that knows nothing, whose precision is the share.

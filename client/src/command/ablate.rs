@@ -134,13 +134,12 @@ async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) 
         log: out.join("server.log"),
     };
     let options = Options {
-        threshold: None,
         poses: Poses::Estimate,
         encoder: variant.encoder,
         hold_out_every: None,
         language: true,
     };
-    let evaluation = measure_own(&plan, dataset.clone(), None, options).await?;
+    let evaluation = measure_own(plan, dataset.clone(), None, options).await?;
     write(&out, &evaluation)?;
     Ok(evaluation.report)
 }

@@ -46,8 +46,8 @@ pub struct LabelScore {
     pub iou_paper: f64,
     /// The same with a filter of [`SMOOTHING`] pixels, whatever the frame's size.
     pub iou_unscaled: f64,
-    /// IoU of the pixels above the answers' threshold.
-    pub iou_answer: f64,
+    /// IoU of the pixels above the bundle's threshold.
+    pub iou_bundle: f64,
     /// IoU of the released script's mask.
     pub iou_released: f64,
     /// IoU of the pixels where this label is the most relevant of all.
@@ -69,8 +69,8 @@ pub struct LabelMeans {
     pub miou_paper: f64,
     /// At 0.5 with the paper's filter in pixels, whatever the frame's size.
     pub miou_unscaled: f64,
-    /// At the answers' threshold.
-    pub miou_answer: f64,
+    /// At the bundle's threshold.
+    pub miou_bundle: f64,
     /// Of the released script's mask.
     pub miou_released: f64,
     /// Closed set.
@@ -131,8 +131,8 @@ impl Latency {
 pub struct Language {
     /// The frames asked about.
     pub test_frames: Vec<u64>,
-    /// The answers' threshold: the bundle's, the oracle's or what was asked for.
-    pub answer_threshold: f32,
+    /// The threshold that a query without one gets.
+    pub bundle_threshold: f32,
     /// Over all frames.
     pub scene: LabelMeans,
     /// By class, as many as were seen.
@@ -188,7 +188,7 @@ pub(super) async fn score(
     frames: &[usize],
     on_step: &mut impl FnMut(Step<'_>),
 ) -> Result<Language, EvaluateError> {
-    let (mut scores, mut answer_threshold, mut milliseconds) = (Vec::new(), 0.0, Vec::new());
+    let (mut scores, mut bundle_threshold, mut milliseconds) = (Vec::new(), 0.0, Vec::new());
     for (done, &index) in frames.iter().enumerate() {
         on_step(Step::Asking { done, of: frames.len() });
         let sequence = context.dataset.sequence(index);
@@ -196,18 +196,18 @@ pub(super) async fn score(
         for label in labels {
             let (answer, map, asked) = context.relevancy(label, sequence).await?;
             milliseconds.push(asked.as_secs_f64() * 1e3);
-            answer_threshold = answer.threshold;
+            bundle_threshold = answer.threshold;
             maps.push(map);
         }
         let mask = truth.mask(index)?;
         let masks: Vec<Vec<bool>> = labels.iter().map(|label| shows(&mask, truth, label)).collect();
-        let frame = Frame { sequence, labels, maps: &maps, masks: &masks, answer_threshold };
+        let frame = Frame { sequence, labels, maps: &maps, masks: &masks, bundle_threshold };
         scores.extend(frame.scores());
     }
     on_step(Step::Asking { done: frames.len(), of: frames.len() });
     Ok(Language {
         test_frames: frames.iter().map(|index| context.dataset.sequence(*index)).collect(),
-        answer_threshold,
+        bundle_threshold,
         scene: scene(&scores),
         classes: labels.iter().filter_map(|label| class(&scores, label)).collect(),
         latency: Latency::of(milliseconds),
@@ -221,7 +221,7 @@ struct Frame<'a> {
     labels: &'a [String],
     maps: &'a [Plane],
     masks: &'a [Vec<bool>],
-    answer_threshold: f32,
+    bundle_threshold: f32,
 }
 
 impl Frame<'_> {
@@ -251,7 +251,7 @@ impl Frame<'_> {
                     &above(&self.maps[at].smoothed(SMOOTHING), PAPER_THRESHOLD),
                     mask,
                 ),
-                iou_answer: iou(&above(map, self.answer_threshold), mask),
+                iou_bundle: iou(&above(map, self.bundle_threshold), mask),
                 iou_released: iou(&as_released(&self.maps[at]), mask),
                 iou_argmax: iou(&argmax, mask),
                 peak_in_box: peak.is_some_and(in_box),
@@ -284,7 +284,7 @@ fn means(scores: &[&LabelScore]) -> LabelMeans {
         share: of(|score| score.share),
         miou_paper: of(|score| score.iou_paper),
         miou_unscaled: of(|score| score.iou_unscaled),
-        miou_answer: of(|score| score.iou_answer),
+        miou_bundle: of(|score| score.iou_bundle),
         miou_released: of(|score| score.iou_released),
         miou_argmax: of(|score| score.iou_argmax),
         loc_box: mean(scores.iter().map(|score| share(score.peak_in_box))).unwrap_or_default(),
@@ -313,7 +313,7 @@ fn scene(scores: &[LabelScore]) -> LabelMeans {
         share: of(|frame| frame.share),
         miou_paper: of(|frame| frame.miou_paper),
         miou_unscaled: of(|frame| frame.miou_unscaled),
-        miou_answer: of(|frame| frame.miou_answer),
+        miou_bundle: of(|frame| frame.miou_bundle),
         miou_released: of(|frame| frame.miou_released),
         miou_argmax: of(|frame| frame.miou_argmax),
         loc_box: of(|frame| frame.loc_box),
@@ -341,7 +341,7 @@ mod tests {
 
     fn scores(maps: &[Plane], masks: &[Vec<bool>]) -> Vec<LabelScore> {
         let labels = ["sofa".to_owned(), "lamp".to_owned()];
-        Frame { sequence: 3, labels: &labels, maps, masks, answer_threshold: 0.7 }.scores()
+        Frame { sequence: 3, labels: &labels, maps, masks, bundle_threshold: 0.7 }.scores()
     }
 
     #[test]
@@ -385,7 +385,7 @@ mod tests {
             share: 0.1,
             iou_paper,
             iou_unscaled: 0.0,
-            iou_answer: 0.0,
+            iou_bundle: 0.0,
             iou_released: 0.0,
             iou_argmax: 0.0,
             peak_in_box: true,

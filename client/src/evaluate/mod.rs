@@ -55,11 +55,6 @@ pub struct Target {
     pub map: String,
 }
 
-/// Relevancy above which something counts when the true classes' names are given: such features have a
-/// margin of 0.75 to 1.0 to their own word and of 0.6 at most to words of what resembles them (the house's
-/// 39 classes, no map between), which is 0.5 in the middle: sigmoid(10 * 0.51 - 2.9) with the bundle's scale.
-pub const ORACLE_THRESHOLD: f32 = 0.9;
-
 /// What to measure.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
@@ -72,16 +67,6 @@ pub struct Options {
     pub hold_out_every: Option<NonZeroUsize>,
     /// Whether words are asked, if the data set has masks.
     pub language: bool,
-    /// Relevancy above which something counts; `None`: the bundle's, or [`ORACLE_THRESHOLD`].
-    pub threshold: Option<f32>,
-}
-
-impl Options {
-    /// The threshold to ask with; `None`: what the bundle says.
-    fn asked_threshold(&self) -> Option<f32> {
-        let of_encoder = (self.encoder == Encoder::Oracle).then_some(ORACLE_THRESHOLD);
-        self.threshold.or(of_encoder)
-    }
 }
 
 /// How far an evaluation is.
@@ -193,7 +178,6 @@ struct Context<'a> {
     client: &'a HttpClient,
     map: &'a str,
     dataset: &'a dyn Dataset,
-    threshold: Option<f32>,
 }
 
 impl Context<'_> {
@@ -209,8 +193,7 @@ impl Context<'_> {
         text: &str,
         frame: u64,
     ) -> Result<(Answer, Plane, Duration), EvaluateError> {
-        let (smoothing, threshold) = (Some(0), self.threshold);
-        let question = Question { smoothing, threshold, ..Question::in_frame(text, frame) };
+        let question = Question { smoothing: Some(0), ..Question::in_frame(text, frame) };
         let asked = Instant::now();
         let answer = self.client.query(self.map, &question).await?;
         let took = asked.elapsed();
@@ -265,8 +248,7 @@ pub async fn evaluate(
     let truth: Vec<StampedPose> = seen.iter().filter_map(|frame| frame.truth).collect();
     let trajectory = paired(&estimate, &truth);
 
-    let threshold = options.asked_threshold();
-    let context = Context { client: &client, map: &target.map, dataset: &*recorded, threshold };
+    let context = Context { client: &client, map: &target.map, dataset: &*recorded };
     let chosen = Chosen::of(&seen, &estimate, &summary, options.hold_out_every);
     let views = views::score(&context, &chosen.views(), &mut on_step).await?;
     let words = match context.dataset.truth().filter(|_| options.language) {

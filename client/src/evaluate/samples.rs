@@ -81,8 +81,8 @@ pub(super) async fn take(
             score.sequence,
             score.average_precision,
             score.iou_paper,
-            score.iou_answer,
-            language.answer_threshold
+            score.iou_bundle,
+            language.bundle_threshold
         );
         samples.push(sample(format!("{}-class", rank.name()), words, &[target, render, heat]));
     }

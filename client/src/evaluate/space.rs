@@ -194,8 +194,7 @@ pub(super) async fn score(
 }
 
 async fn ask(context: &Context<'_>, text: &str) -> Result<Answer, EvaluateError> {
-    let (max_objects, threshold) = (Some(MOST_OBJECTS), context.threshold);
-    let question = Question { max_objects, threshold, ..Question::in_space(text) };
+    let question = Question { max_objects: Some(MOST_OBJECTS), ..Question::in_space(text) };
     Ok(context.client.query(context.map, &question).await?)
 }
 

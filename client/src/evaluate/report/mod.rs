@@ -260,7 +260,7 @@ pub(super) mod tests {
     fn some_language(scene: LabelMeans) -> Language {
         Language {
             test_frames: vec![1, 6],
-            answer_threshold: 0.87,
+            bundle_threshold: 0.87,
             scene,
             classes: vec![ClassScore { label: "sofa".into(), frames: 2, means: scene }],
             latency: Latency { questions: 20, p50_ms: 25.0, p99_ms: 310.0, mean_ms: 30.0 },
@@ -287,7 +287,7 @@ pub(super) mod tests {
             share: 0.06,
             miou_paper: 0.21,
             miou_unscaled: 0.19,
-            miou_answer: 0.44,
+            miou_bundle: 0.44,
             miou_released: 0.33,
             miou_argmax: 0.5,
             loc_box: 0.91,
@@ -371,7 +371,7 @@ pub(super) mod tests {
         }
         assert_eq!(json["psnr_db"], 22.0);
         assert!(json["emd_m"].is_null(), "what is not measured is null");
-        assert_eq!(json["language"]["classes"][0]["miou_answer"], 0.44);
+        assert_eq!(json["language"]["classes"][0]["miou_bundle"], 0.44);
         assert_eq!(json["chamfer_m"], 0.12);
         assert_eq!(json["space"]["counts"][0]["there"], 8);
         assert_eq!(json["stages"]["decode"]["mean_ms"], 10.0);

@@ -80,7 +80,7 @@ fn classes(language: &Language) -> String {
         language.latency.questions,
         language.latency.p50_ms,
         language.latency.p99_ms,
-        language.answer_threshold
+        language.bundle_threshold
     );
     let row = |page: &mut String, ClassScore { label, frames, means: m }: &ClassScore| {
         line(
@@ -90,7 +90,7 @@ fn classes(language: &Language) -> String {
                  {:.3} |",
                 m.share,
                 m.miou_paper,
-                m.miou_answer,
+                m.miou_bundle,
                 m.miou_released,
                 m.miou_argmax,
                 m.loc_box,
@@ -254,7 +254,7 @@ fn protocol(report: &Report) -> String {
              the mean over frames.\n\
              - **In space**: truth is the labelled pixels of every {COUNTED_EVERY}th frame with depth, \
              back-projected with the true poses, in voxels of {VOXEL_METRES} m; found is the points of \
-             the 3D answer, moved by the trajectory's rigid alignment. \
+             the 3D answer at the bundle's threshold, moved by the trajectory's rigid alignment. \
              *Chamfer*: mean distance to the nearest, there and back, added. *EMD*: mean distance of \
              the best one-to-one pairs of {PAIRED} points of each, exact. A failure is farther than \
              mean + 2 standard deviations over the labels, as in the paper. A thing counts as there if \

@@ -74,7 +74,7 @@ fn language_rows(language: &Language) -> Vec<Row> {
     vec![
         row("mIoU at 0.5 (as in the paper)", scene.miou_paper, &paper_miou),
         row("  filter of 20 pixels at any size", scene.miou_unscaled, ""),
-        row("mIoU at the answers' threshold", scene.miou_answer, ""),
+        row("mIoU at the bundle's threshold", scene.miou_bundle, ""),
         row("mIoU as the released script has it", scene.miou_released, ""),
         row("mIoU closed set (argmax)", scene.miou_argmax, ""),
         row("Loc, peak in a box", scene.loc_box, &PAPER.loc_accuracy.to_string()),

@@ -1,6 +1,6 @@
 //! Language that is given: a frame's label image instead of what the vision networks see.
 //!
-//! In: [`Labels`] of a frame. Out: a generic code for each cell of the bundle's grid. Each text is
+//! In: [`Labels`] of a frame. Out: a generic code for each cell of a grid over it. Each text is
 //! embedded by the text tower and compressed D -> 32 once. A cell takes the label that most of its
 //! pixels have (of equals the least): of all that one label per cell can say, this is wrong for the
 //! fewest pixels. A cell of "none" has a code of zeros, "no language".
@@ -32,11 +32,6 @@ pub(super) struct LabelCodes {
 impl LabelCodes {
     pub(super) fn new(embed: Embed, grid: [usize; 2]) -> Self {
         Self { embed, grid, known: HashMap::new() }
-    }
-
-    /// Rows and columns of the codes.
-    pub(super) fn grid(&self) -> [usize; 2] {
-        self.grid
     }
 
     /// The code of each label that is in the image; others, and 0, are zeros: `[1 + texts]`.
@@ -102,6 +97,13 @@ impl LabelCodes {
     }
 }
 
+/// Columns and rows of the grid: cells of as many whole pixels as bring an image of (width, height) to
+/// `columns` at most.
+pub(super) fn size((width, height): (usize, usize), columns: usize) -> [usize; 2] {
+    let side = width.div_ceil(columns).max(1);
+    [width.div_ceil(side), height.div_ceil(side)]
+}
+
 /// The label of each cell of a grid over the whole image; `from` and `to` are (width, height).
 pub(super) fn majority(ids: &[u16], from: (usize, usize), to: (usize, usize)) -> Vec<u16> {
     let span = |at: usize, from: usize, to: usize| {
@@ -144,6 +146,13 @@ mod tests {
         assert_eq!(majority(&ids, (6, 4), (6, 4)), ids);
         // One cell: 0 and 6 are there four times each.
         assert_eq!(majority(&ids, (6, 4), (1, 1)), [0]);
+    }
+
+    #[test]
+    fn cells_are_whole_pixels_and_the_grid_no_wider_than_asked() {
+        assert_eq!(size((600, 340), 300), [300, 170]);
+        assert_eq!(size((640, 480), 300), [214, 160], "three pixels to a cell");
+        assert_eq!(size((96, 72), 300), [96, 72], "never finer than the labels");
     }
 
     #[test]

@@ -41,6 +41,8 @@ pub struct LanguageConfig {
     pub threads: usize,
     /// Keyframes that wait for the networks; when full they are given back.
     pub queue: usize,
+    /// Labels that come with a frame are kept at this many columns at most.
+    pub label_columns: usize,
 }
 
 impl Default for LanguageConfig {
@@ -51,6 +53,7 @@ impl Default for LanguageConfig {
             providers: vec![Provider::Cpu],
             threads: 0,
             queue: 4,
+            label_columns: 300,
         }
     }
 }
@@ -105,6 +108,7 @@ pub struct Vision {
     /// `[1, 3, height, width]`, written anew for every frame.
     input: [Tensor; 1],
     labels: LabelCodes,
+    label_columns: usize,
     stages: Stages,
 }
 
@@ -116,7 +120,7 @@ enum Stages {
 
 impl Vision {
     /// With the bundle's networks; `embed` makes features of labels' texts.
-    pub fn new(networks: VisionNetworks, embed: Embed) -> Self {
+    pub fn new(networks: VisionNetworks, embed: Embed, config: &LanguageConfig) -> Self {
         let VisionNetworks { image, stages, grid } = networks;
         let stages = match stages {
             VisionStages::Folded { network, compressor } => {
@@ -131,7 +135,8 @@ impl Vision {
         let shape = [1, 3, image.height, image.width];
         let input = [Tensor::floats(&shape, vec![0.0; 3 * image.height * image.width])];
         let labels = LabelCodes::new(embed, grid);
-        Self { image, preparation: Preparation::default(), input, labels, stages }
+        let label_columns = config.label_columns.max(1);
+        Self { image, preparation: Preparation::default(), input, labels, label_columns, stages }
     }
 
     /// A frame's language: given with it, or seen in it.
@@ -145,11 +150,11 @@ impl Vision {
         }
     }
 
-    /// What the labels say, at the bundle's label resolution.
+    /// What the labels say, at their own resolution up to the configured one.
     fn given(&mut self, frame: &Frame, labels: &Labels) -> Result<LanguageMap, LanguageError> {
         let mut clock = Stopwatch(Instant::now());
         let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
-        let [width, height] = kept(self.labels.grid(), prepare::covered(from, &self.image));
+        let [width, height] = labels::size(from, self.label_columns);
         let ids = majority(&labels.ids, from, (width, height));
         let mut timing = LanguageTiming { prepare: clock.lap(), ..Default::default() };
         let compressor = match &mut self.stages {

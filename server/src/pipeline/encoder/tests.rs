@@ -116,7 +116,7 @@ fn labels_become_the_codes_of_their_texts_and_no_network_looks() {
         noted.lock().expect("nobody panics").push(text.to_owned());
         tower.embed(text).map(Into::into).map_err(|error| error.to_string())
     };
-    let mut vision = Vision::new(networks, Box::new(embed));
+    let mut vision = Vision::new(networks, Box::new(embed), &LanguageConfig::default());
     // As many pixels as cells: left a sofa, right a lamp twice, a stripe of nothing, one label
     // without words, one that no pixel has.
     let ids = |at: u16| match (at % 96, at / 96) {
@@ -143,14 +143,18 @@ fn labels_become_the_codes_of_their_texts_and_no_network_looks() {
     let other = vision.run(&image).expect("it runs");
     assert_ne!(&other.codes[..GENERIC], sofa, "other words, another code");
 
-    let mut deaf = Vision::new(vision_only(), Box::new(|_| Err("out of words".into())));
+    let mut deaf = Vision::new(
+        vision_only(),
+        Box::new(|_| Err("out of words".into())),
+        &LanguageConfig::default(),
+    );
     let error = deaf.run(&image).expect_err("there is no embedding");
     assert!(error.to_string().contains("out of words"), "{error}");
 }
 
 #[test]
 fn a_frame_becomes_unit_codes_that_follow_the_image() {
-    let mut vision = Vision::new(vision_only(), no_words());
+    let mut vision = Vision::new(vision_only(), no_words(), &LanguageConfig::default());
     let stripes =
         frame(160, 120, |x, y| [x as u8, 255 - y as u8, if x / 20 % 2 == 0 { 9 } else { 240 }]);
     let flat = frame(160, 120, |_, _| [128; 3]);

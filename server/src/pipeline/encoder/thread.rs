@@ -34,7 +34,7 @@ impl LanguageThread {
         config: &LanguageConfig,
     ) -> std::io::Result<Self> {
         let (queue, jobs) = sync_channel(config.queue.max(1));
-        let vision = Vision::new(networks, embed);
+        let vision = Vision::new(networks, embed, config);
         let thread = std::thread::Builder::new()
             .name("language".into())
             .spawn(move || work(vision, &jobs))?;

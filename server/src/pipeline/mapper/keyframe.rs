@@ -5,6 +5,7 @@ use super::super::snapshot::TrackedFrame;
 use super::super::tracker::{Moments, Tracked};
 use super::super::working::Working;
 use super::Mapper;
+use half::f16;
 use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LanguageTarget};
 use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
@@ -37,8 +38,8 @@ pub(super) struct Keyframe {
 pub(super) struct GenericCodes {
     pub width: u32,
     pub height: u32,
-    /// `[height * width * 32]`.
-    pub codes: Vec<f32>,
+    /// `[height * width * 32]`; half precision, which moves a unit code by less than 0.0005.
+    pub codes: Vec<f16>,
     /// The view at label resolution.
     pub camera: Camera,
     /// The 15-D codes on the device, and the version of the online stage that made them.

@@ -9,6 +9,7 @@ use super::super::compressor::carry_over;
 use super::super::encoder::LanguageMap;
 use super::Mapper;
 use super::keyframe::{GenericCodes, Keyframe};
+use half::f16;
 use lexsplat_gpu::{Camera, GpuError, HostGaussians, LanguageTarget};
 use nalgebra::Point3;
 
@@ -49,7 +50,7 @@ impl Mapper {
         self.keyframes[at].generic = Some(GenericCodes {
             width: map.width,
             height: map.height,
-            codes: map.codes,
+            codes: map.codes.iter().copied().map(f16::from_f32).collect(),
             camera,
             target,
             version: self.online.version(),
@@ -63,7 +64,8 @@ impl Mapper {
         let version = self.online.version();
         let Some(generic) = &mut self.keyframes[at].generic else { return Ok(()) };
         if generic.version != version {
-            let codes = self.online.encode(&generic.codes);
+            let wide: Vec<f32> = generic.codes.iter().copied().map(f16::to_f32).collect();
+            let codes = self.online.encode(&wide);
             let channels = self.online.code_size();
             generic.target =
                 LanguageTarget::new(&self.gpu, generic.width, generic.height, channels, &codes)?;

@@ -55,11 +55,16 @@ impl Trajectory {
             Some(at) => keyframes[at].frame.world_from_camera * entry.keyframe_from_camera,
             None => entry.keyframe_from_camera,
         };
+        // A keyframe's own exposure may have been refined since.
+        let exposure = |entry: &Entry| match entry.keyframe.map(|at| &keyframes[at].frame) {
+            Some(keyframe) if keyframe.sequence == entry.sequence => keyframe.exposure,
+            _ => entry.exposure,
+        };
         let frame = |entry: &Entry| TrackedFrame {
             sequence: entry.sequence,
             timestamp_nanos: entry.timestamp_nanos,
             world_from_camera: pose(entry),
-            exposure: entry.exposure,
+            exposure: exposure(entry),
         };
         self.entries.iter().map(frame).collect()
     }

@@ -41,7 +41,8 @@ pub(super) struct Density {
 pub(super) struct Worth {
     /// Relevancy that all points are above.
     pub threshold: f32,
-    /// How far above it a score must be, as a share of how far the best one is.
+    /// How far above it a score must be, as a share of how far the best one is: both as logits, which grow
+    /// as cosines do, where relevancies crowd below 1.
     pub score: f32,
     /// Least members, as a share of the largest cluster's.
     pub size: f32,
@@ -52,12 +53,18 @@ impl Worth {
     fn sifted(self, mut found: Vec<(Object, Vec<usize>)>) -> Vec<(Object, Vec<usize>)> {
         let best = found.first().map_or(0.0, |(object, _)| object.score);
         let largest = found.iter().map(|(object, _)| object.points).max().unwrap_or(0);
-        let least = self.threshold + self.score * (best - self.threshold);
+        let threshold = logit(self.threshold);
+        let least = threshold + self.score * (logit(best) - threshold);
         found.retain(|(object, _)| {
-            object.score >= least && object.points as f32 >= self.size * largest as f32
+            logit(object.score) >= least && object.points as f32 >= self.size * largest as f32
         });
         found
     }
+}
+
+fn logit(share: f32) -> f32 {
+    let share = share.clamp(1e-6, 1.0 - 1e-6);
+    (share / (1.0 - share)).ln()
 }
 
 /// What hangs together.

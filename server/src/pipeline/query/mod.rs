@@ -56,6 +56,9 @@ pub struct QueryConfig {
     pub smoothing_pixels: u32,
     /// Relevancy above which something counts; `None`: the bundle's.
     pub threshold: Option<f32>,
+    /// Bias of the relevancy: how much nearer to its word a feature must be for 0.5, times the
+    /// temperature; `None`: the bundle's, which suits features as its networks see them.
+    pub bias: Option<f32>,
     /// Columns at which a view's codes are rendered and decoded (fewer if the view has fewer).
     pub code_columns: u32,
     /// Texts whose embeddings are kept.
@@ -66,7 +69,7 @@ pub struct QueryConfig {
     pub cluster_metres: f32,
     /// Objects: Gaussians of the smallest one; as many must reach a score for it to speak for presence.
     pub cluster_points: usize,
-    /// Objects: how far above the threshold, as a share of how far the best one is.
+    /// Objects: how far above the threshold, as a share of how far the best one is (in logits).
     pub object_score: f32,
     /// Objects: least Gaussians, as a share of the largest one's.
     pub object_size: f32,
@@ -78,12 +81,13 @@ impl Default for QueryConfig {
             queue: 8,
             smoothing_pixels: 20,
             threshold: None,
+            bias: None,
             code_columns: 160,
             cached_texts: 1024,
             feature_cache_mib: 512,
             cluster_metres: 0.08,
             cluster_points: 6,
-            object_score: 0.4,
+            object_score: 0.5,
             object_size: 0.02,
         }
     }

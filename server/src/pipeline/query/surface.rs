@@ -13,8 +13,8 @@ use rustc_hash::FxHashMap as HashMap;
 
 /// Between points, metres: as far as the voxels of the 3D protocol.
 pub const SPACING_METRES: f32 = 0.02;
-/// A disk ends at so many standard deviations: newborn ones then just meet.
-const DEVIATIONS: f32 = 1.0;
+/// A disk ends at so many standard deviations: a newborn one then covers its square but for the corners.
+const DEVIATIONS: f32 = 1.3;
 /// Most points to each side of a disk's centre: what is larger is sampled more thinly.
 const MOST_STEPS: i32 = 25;
 /// Gaussians that are sampled at a time.
@@ -102,7 +102,7 @@ mod tests {
     fn a_disk_is_covered_and_nothing_beside_it() {
         // Flat along its x axis, turned by 90 degrees about z: flat along the world's y.
         let half = std::f32::consts::FRAC_1_SQRT_2;
-        let head = head(&[([half, 0.0, 0.0, half], [0.004, 0.1, 0.2])]);
+        let head = head(&[([half, 0.0, 0.0, half], [0.004, 0.1 / DEVIATIONS, 0.2 / DEVIATIONS])]);
         let middle = Point3::new(1.0, 2.0, 3.0);
         let points = sampled(&head, &[covering(0, middle, 0.7)]);
         let inside = |point: &ScoredPoint| {

@@ -181,7 +181,8 @@ pub(super) struct Worker {
 
 impl Worker {
     fn new(gpu: Gpu, networks: TextNetworks, config: QueryConfig) -> Self {
-        let TextNetworks { tower, decompressor, relevancy, feature_size } = networks;
+        let TextNetworks { tower, decompressor, mut relevancy, feature_size } = networks;
+        relevancy.bias = config.bias.unwrap_or(relevancy.bias);
         let threshold = config.threshold.unwrap_or(relevancy.threshold);
         Self {
             threshold,
