@@ -8,7 +8,8 @@ Out: batches (image [3, h, w] in 0..255, word index [h/4, w/4], weight [h/4, w/4
 
 Photographs carry one word for the whole image; the class activation map of a classifier says
 where it holds, and a segmentation network (Pascal VOC) where a few other things are. Photographs
-stand alone, in mosaics, and what they show is pasted into frames. All randomness: one seed.
+stand alone, in mosaics, and what they show is pasted into frames. Drawn screens and prints
+(`screens.py`) are pasted into both. All randomness: one seed.
 """
 
 import io
@@ -19,6 +20,8 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageFilter
+
+from screens import Screens
 
 STRIDE = 4  # of the label grid against the image
 # Pascal VOC's classes in the words of the vocabulary, "" where they are not asked for
@@ -40,6 +43,7 @@ ALSO = {
     "lampshade": ["lamp"], "wall clock": ["clock"], "chiffonier": ["chest of drawers"],
     "china cabinet": ["cabinet"], "medicine chest": ["cabinet"], "file": ["filing cabinet"],
     "kitchen cabinet": ["cabinet", "cupboard"], "rug": ["carpet"], "photo frame": ["picture"],
+    "computer screen": ["screen", "monitor"], "magazine": ["book"],
     "computer keyboard": ["keyboard"], "cellular telephone": ["mobile phone"],
 }
 # classes of photographs that are seen indoors: drawn more often
@@ -185,13 +189,16 @@ def photometric(image, random):
 class Scenes:
     """Random crops of frames and of photographs (alone, as a mosaic of four, or pasted)."""
 
-    def __init__(self, frames, photos, words, size, share, seed):
-        """`frames`: [(weight, frames)], `size`: (width, height), `share`: of photographs."""
+    def __init__(self, frames, photos, words, size, share, seed, screens=0.0):
+        """`frames`: [(weight, frames)], `size`: (width, height), `share`: of photographs;
+        `screens`: chance of drawn screens and prints."""
         self.frames = [frame for _, some in frames for frame in some]
         chance = np.array([weight for weight, some in frames for _ in some], float)
         self.chance = np.cumsum(chance) / chance.sum()
         self.photos, self.words = photos, words
         self.size, self.share, self.random = size, share, np.random.default_rng(seed)
+        self.drawn = Screens(words, [photo[0] for photo in photos], self.random)
+        self.screens = screens
         self.voc = [words.add(name) if name and photos else -1 for name in VOC]
         likely = np.array([4.0 if words.names[word] in INDOOR else 1.0 for _, word, *_ in photos])
         self.likely = np.cumsum(likely) / likely.sum() if photos else likely
@@ -218,6 +225,8 @@ class Scenes:
         if self.photos and self.random.random() < 0.3:
             for _ in range(self.random.integers(1, 4)):
                 self.paste(image, label)
+        if self.random.random() < self.screens:
+            self.drawn.put(image, label)
         word, weight = np.full(label.shape, -1, np.int64), np.zeros(label.shape, np.float32)
         for value in np.unique(label[label >= 0]):
             where = label == value
@@ -269,8 +278,7 @@ class Scenes:
         """Four photographs side by side, or one."""
         width, height = size
         if self.random.random() < 0.4:
-            image, word, weight = self.photo(size)
-            return photometric(image, self.random), word, weight
+            return self.finish(*self.photo(size))
         cut = STRIDE * 4
         x = int(self.random.integers(width // 3, width * 2 // 3)) // cut * cut
         y = int(self.random.integers(height // 3, height * 2 // 3)) // cut * cut
@@ -279,6 +287,15 @@ class Scenes:
             np.concatenate([np.concatenate([part[k] for part in row], 1) for row in rows])
             for k in range(3)
         )
+        return self.finish(image, word, weight)
+
+    def finish(self, image, word, weight):
+        """Photographs with, by chance, drawn screens and prints on them."""
+        if self.random.random() < self.screens:
+            image, label = image.copy(), np.full(word.shape, -1)
+            self.drawn.put(image, label)
+            word = np.where(label >= 0, label, word)
+            weight = np.where(label >= 0, 0.8, weight)
         return photometric(image, self.random), word, weight
 
     def draw(self, size):

@@ -219,7 +219,8 @@ def load_scenes(args, words, heat):
         segment = data.segmenter(args.segmenter)
         photos = list(data.read_photos(args.photos, words, heat, segment, caches))
     print(f"{len(photos)} photographs, {len(words.names)} words")
-    return data.Scenes(frames, photos, words, (320, 224), args.photo_share, SEED)
+    return data.Scenes(frames, photos, words, (320, 224), args.photo_share, SEED,
+                       args.screens)
 
 
 def parameters(encoder, srd, rate):
@@ -303,6 +304,8 @@ def main():
                         help="leave out views taken inside this box (metres)")
     parser.add_argument("--photos", type=Path, help="folder of photographs named ID_CLASS.jpg")
     parser.add_argument("--photo-share", type=float, default=0.25)
+    parser.add_argument("--screens", type=float, default=0.0,
+                        help="chance of drawn screens and prints on an image")
     parser.add_argument("--segmenter", type=Path, help="DeepLabV3 TFLite file (Pascal VOC)")
     parser.add_argument("--held-out", nargs="*", default=[], help="words that must not be learned")
     parser.add_argument("--backbone", type=Path, required=True, help="MobileNetV2 TFLite file")

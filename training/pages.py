@@ -1,0 +1,111 @@
+"""What screens show and what prints look like, drawn flat and facing us.
+
+In:  photographs (rgb arrays, shown by some screens and prints), one random generator.
+Out: `screen` and `print`: (picture, where it gives light, part), PIL images of one size; the part
+     is 1 for the thing and 2 for a laptop's keyboard.
+"""
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+LIGHTS = [(0, 190, 215), (40, 200, 225), (20, 100, 220), (245, 248, 250), (235, 240, 255)]
+
+
+class Pages:
+    """Draws screens and prints."""
+
+    def __init__(self, photos, random):
+        self.photos, self.random = photos, random
+
+    def colour(self, low=0, high=256):
+        return tuple(int(c) for c in self.random.integers(low, high, 3))
+
+    def light(self):
+        """Cyan, blue, white and other colours of light."""
+        return LIGHTS[self.random.integers(5)] if self.random.random() < 0.6 else self.colour(60)
+
+    def ground(self, w, h, first, second):
+        """A gradient, or a photograph."""
+        r = self.random
+        if self.photos and r.random() < 0.3:
+            return Image.fromarray(self.photos[r.integers(len(self.photos))]).resize((w, h))
+        ramp = Image.linear_gradient("L").rotate(90 * r.integers(4)).resize((w, h))
+        return Image.composite(*(Image.new("RGB", (w, h), c) for c in (first, second)), ramp)
+
+    def lines(self, page, box, ink, step):
+        """Lines of words."""
+        (x0, y0, x1, y1), draw = box, ImageDraw.Draw(page)
+        for y in np.arange(y0, y1 - step / 2, step):
+            x, stop = x0, x0 + (x1 - x0) * self.random.uniform(0.5, 1.0)
+            while x < stop:
+                end = min(x + self.random.uniform(1, 4) * step, x1)
+                draw.rectangle((x, y, end, y + step * 0.4), fill=ink)
+                x = end + step * 0.6
+
+    def blocks(self, page, count, colour):
+        """Windows, tiles, photographs and columns of text on a page, in place."""
+        r, (w, h) = self.random, page.size
+        for _ in range(count):
+            bw, bh = int(w * r.uniform(0.15, 0.6)), int(h * r.uniform(0.15, 0.6))
+            x, y = int(r.integers(w - bw)), int(r.integers(h - bh))
+            paper = (245, 246, 248) if r.random() < 0.5 else colour()
+            page.paste(self.ground(bw, bh, paper, paper), (x, y))
+            if r.random() < 0.5:
+                page.paste(colour(), (x, y, x + bw + 1, y + h // 25 + 1))
+            if r.random() < 0.7:
+                box = (x + 4, y + 8, x + bw - 4, y + bh - 2)
+                self.lines(page, box, self.colour(0, 120), r.uniform(4, 9))
+
+    def screen(self):
+        """A bezel with something bright in it, or off; now and then a keyboard below."""
+        r, w, kind = self.random, 240, self.random.random()
+        h = int(w / r.choice([16 / 9, 16 / 9, 16 / 10, 4 / 3]))
+        page = self.ground(w, h, self.light(), self.light())
+        if kind < 0.15:  # off: dark, with a reflection
+            dark = r.integers(4, 40, 3)
+            page = self.ground(w, h, tuple(dark), tuple(dark + r.integers(5, 70)))
+        elif kind < 0.65:  # a desktop, or a page of tiles
+            self.blocks(page, r.integers(1, 7), self.light)
+        elif kind < 0.75:  # a menu
+            box = (w * 0.1, h * 0.15, w * 0.9, h * 0.9)
+            self.lines(page, box, self.light(), h * r.uniform(0.06, 0.15))
+        elif kind < 0.82:  # a chart
+            for x in np.linspace(w * 0.1, w * 0.85, r.integers(4, 12)):
+                bar = (x, h * r.uniform(0.15, 0.8), x + w * 0.05, h * 0.9)
+                ImageDraw.Draw(page).rectangle(bar, fill=self.light())
+        edge, tone = int(w * r.uniform(0.012, 0.06)), r.integers(4, 45)
+        tone = int(tone if r.random() < 0.75 else r.integers(90, 245))
+        top = h + 2 * edge + int(h * r.choice([0, 0, 0.05, 0.12]))
+        keys = int(h * r.uniform(0.3, 0.8)) if r.random() < 0.12 else 0
+        whole = Image.new("RGB", (w + 2 * edge, top + keys), (tone,) * 3)
+        light, part = Image.new("L", whole.size), Image.new("L", whole.size, 1)
+        whole.paste(page, (edge, edge))
+        light.paste(0 if kind < 0.15 else 255, (edge, edge, edge + w, edge + h))
+        part.paste(2, (0, top, *whole.size))
+        ink = self.colour(0, 60) if tone > 80 else self.colour(60, 120)
+        self.lines(whole, (20, top + 8, w, top + keys * 0.6), ink, max(keys / 8, 3))
+        return whole, light, part
+
+    def print(self, word):
+        """A sheet, a poster, a cover or a framed picture."""
+        r, w = self.random, 180
+        h = int(w * r.choice([1.41, 1.3, 0.71, 1.0, 1.5]))
+        white = tuple(r.integers(215, 256) - r.integers(0, 16, 3))
+        plain = word == "paper" or (word != "picture" and r.random() < 0.3)
+        first, second = (white, white) if plain else (self.colour(), self.colour())
+        page = Image.new("RGB", (w, h), first) if plain else self.ground(w, h, first, second)
+        if word == "picture":
+            mat, edge = int(r.choice([0, 0, 12, 30])), int(r.uniform(4, 18))
+            wood = self.colour(10, 60) if r.random() < 0.4 else self.colour(40, 230)
+            whole = Image.new("RGB", (w + 2 * (mat + edge), h + 2 * (mat + edge)), wood)
+            whole.paste(white, (edge, edge, whole.width - edge, whole.height - edge))
+            whole.paste(page, (mat + edge, mat + edge))
+            page = whole
+        else:
+            self.blocks(page, r.integers(3) * (word != "paper"), self.colour)
+            ink = self.colour(0, 90) if plain else self.colour()
+            title = (w * 0.1, h * 0.07, w * 0.9, h * 0.25)
+            self.lines(page, title, ink, h * r.uniform(0.05, 0.15))
+            body = (w * 0.1, h * r.uniform(0.3, 0.9), w * 0.9, h * 0.93)
+            self.lines(page, body, ink, r.uniform(5, 12))
+        return page, Image.new("L", page.size), Image.new("L", page.size, 1)
