@@ -4,10 +4,10 @@
 //! first_carried, first_frozen, all_carried, all_frozen, milliseconds): cosines between 32-D codes
 //! and what their 15-D codes decode to, for the first keyframe's and for all so far, when codes are
 //! carried over as the server does, and when they are written once. Milliseconds: learning from that
-//! keyframe. `training/plot_codes.py` draws it.
+//! keyframe. `training/plot_codes.py` draws it. Medians on standard output: from an image to codes, and learning.
 //!
 //! ```sh
-//! cargo run -p lexsplat-server --example codes_over_time -- --scene kitchen --csv codes.csv kitchen/*.jpg
+//! cargo run --release -p lexsplat-server --example codes_over_time -- --scene kitchen --csv codes.csv kitchen/*.jpg
 //! ```
 
 use anyhow::Context as _;
@@ -76,6 +76,13 @@ fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
     values.sum::<f32>() / count
 }
 
+/// Of all but the first, which warms up.
+fn median(mut times: Vec<f32>) -> f32 {
+    times.remove(0);
+    times.sort_by(f32::total_cmp);
+    times.get(times.len() / 2).copied().unwrap_or_default()
+}
+
 fn sampled(codes: &[f32]) -> Vec<f32> {
     let stride = (codes.len() / GENERIC / FOLLOWED).max(1);
     codes.chunks_exact(GENERIC).step_by(stride).flatten().copied().collect()
@@ -89,11 +96,14 @@ fn main() -> anyhow::Result<()> {
         Box::new(|_| Err("no labels are given".into())),
         &config,
     );
-    let codes = arguments
-        .images
-        .iter()
-        .map(|path| Ok(vision.run(&frame(path)?)?.codes))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let (mut codes, mut times) = (Vec::new(), Vec::new());
+    for path in &arguments.images {
+        let frame = frame(path)?;
+        let started = Instant::now();
+        codes.push(vision.run(&frame)?.codes);
+        times.push(started.elapsed().as_secs_f32() * 1e3);
+    }
+    println!("{}: {:.1} ms from an image to codes (median)", arguments.scene, median(times));
     let is_new = !arguments.csv.exists();
     let mut csv = std::fs::OpenOptions::new().create(true).append(true).open(&arguments.csv)?;
     if is_new {
@@ -130,9 +140,7 @@ fn main() -> anyhow::Result<()> {
                 times[at]
             )?;
         }
-        times.remove(0);
-        times.sort_by(f32::total_cmp);
-        let median = times.get(times.len() / 2).copied().unwrap_or_default();
+        let median = median(times);
         println!("{} {name}: {median:.2} ms to learn from a keyframe (median)", arguments.scene);
     }
     Ok(())

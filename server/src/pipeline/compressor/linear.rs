@@ -12,12 +12,15 @@
 
 use super::{GENERIC, OnlineStage, normalise_rows};
 use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
+use ndarray::{Array2, ArrayView1, Axis};
 
 type Moments = SMatrix<f64, GENERIC, GENERIC>;
 type Code = SVector<f64, GENERIC>;
 
 /// Added to the moments' diagonal: what fills less than this share of the pixels weighs no more.
 const RIDGE: f64 = 1e-3;
+/// Rows that are summed in single precision before the sum goes on in double.
+const BLOCK: usize = 512;
 
 /// Running principal directions.
 #[derive(Clone)]
@@ -73,13 +76,15 @@ impl OnlineStage for Linear {
     }
 
     fn observe(&mut self, generic: &[f32]) -> bool {
-        let Some(seen) = mean_outer_product(generic, |_| 1.0) else { return false };
-        self.plain += seen;
+        let rows = directions(generic);
+        if rows.is_empty() {
+            return false;
+        }
+        self.plain += mean_outer_product(&rows, None);
         self.keyframes += 1;
         let ridged = self.plain / self.keyframes as f64 + Moments::identity() * RIDGE;
         let inverse = ridged.try_inverse().expect("positive definite");
-        let leverage = |code: &Code| code.dot(&(inverse * code)).sqrt();
-        self.moments += mean_outer_product(generic, leverage).expect("as before");
+        self.moments += mean_outer_product(&rows, Some(&root_of_form(&rows, &inverse)));
         let best = principal_rows(self.moments, self.code_size);
         let lost = self.kept(&best) - self.kept(&self.basis);
         if self.version > 0 && lost <= self.tolerance * self.keyframes as f64 {
@@ -127,22 +132,43 @@ fn turned_towards(old: &[f32], new: &[f32]) -> Vec<f32> {
     (left * right * new).transpose().as_slice().to_vec()
 }
 
-/// Weighted mean of g gᵀ over the rows that have a direction, g being of unit length; `None` if there is
-/// none.
-fn mean_outer_product(generic: &[f32], weight: impl Fn(&Code) -> f64) -> Option<Moments> {
-    let mut sum = Moments::zeros();
-    let mut weights = 0.0;
+/// The rows that have a direction, of unit length, `[n, 32]`.
+fn directions(generic: &[f32]) -> Array2<f32> {
+    let mut rows = Vec::with_capacity(generic.len());
     for row in generic.chunks_exact(GENERIC) {
-        let row = Code::from_iterator(row.iter().map(|&v| v.into()));
-        let squared = row.norm_squared();
+        let squared = row.iter().map(|value| value * value).sum::<f32>();
         if squared.is_finite() && squared > 0.0 {
-            let row = row / squared.sqrt();
-            let weight = weight(&row);
-            sum.ger(weight, &row, &row, 1.0);
-            weights += weight;
+            rows.extend(row.iter().map(|value| value / squared.sqrt()));
         }
     }
-    (weights > 0.0).then(|| sum / weights)
+    Array2::from_shape_vec((rows.len() / GENERIC, GENERIC), rows).expect("whole rows")
+}
+
+/// Mean of g gᵀ over rows g; each counts as often as its weight says.
+fn mean_outer_product(rows: &Array2<f32>, weights: Option<&[f32]>) -> Moments {
+    let mut sum = Moments::zeros();
+    let mut total = 0.0;
+    for (at, block) in rows.axis_chunks_iter(Axis(0), BLOCK).enumerate() {
+        let mut weighed = block.to_owned();
+        let of = |row: usize| weights.map_or(1.0, |weights| weights[at * BLOCK + row]);
+        for (row, mut code) in weighed.outer_iter_mut().enumerate() {
+            code *= of(row);
+            total += f64::from(of(row));
+        }
+        let product = weighed.t().dot(&block);
+        sum += Moments::from_fn(|row, column| product[[row, column]].into());
+    }
+    // Rounding must not make it lopsided.
+    (sum + sum.transpose()) / (2.0 * total)
+}
+
+/// The root of gᵀ A g of every row g, A being symmetric.
+fn root_of_form(rows: &Array2<f32>, form: &Moments) -> Vec<f32> {
+    let form = Array2::from_shape_fn((GENERIC, GENERIC), |at| form[at] as f32);
+    let products = rows.dot(&form);
+    let root =
+        |(row, product): (ArrayView1<f32>, ArrayView1<f32>)| row.dot(&product).max(0.0).sqrt();
+    rows.outer_iter().zip(products.outer_iter()).map(root).collect()
 }
 
 /// Eigenvectors of the largest eigenvalues, largest first; the sign is such that the entry with the
