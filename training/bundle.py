@@ -68,6 +68,7 @@ bias = {bias}
 threshold = {threshold}
 negatives = {negatives}
 present_threshold = {present}
+confidence_steepness = {steepness}
 
 [sha256]
 {checksums}
@@ -108,7 +109,8 @@ def write_manifest(out, args):
         columns=width // STRIDE, inputs=quoted(INPUTS), tokens=MAX_TOKENS,
         temperature=args.temperature, bias=args.bias,
         threshold=args.threshold, negatives=quoted(networks.NEGATIVES),
-        present=args.present, checksums=checksums))
+        present=args.present, steepness=args.steepness,
+        checksums=checksums))
 
 
 @torch.inference_mode()
@@ -143,6 +145,8 @@ def main():
     parser.add_argument("--bias", type=float, default=0.0, help="of the relevancy's logit")
     parser.add_argument("--threshold", type=float, default=0.5)
     parser.add_argument("--present", type=float, default=0.0, help="peak that means 'present'")
+    parser.add_argument("--steepness", type=float, default=10.0,
+                        help="of the logistic from that peak to a confidence (evaluate's report has it)")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
