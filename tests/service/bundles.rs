@@ -53,9 +53,10 @@ fn one_graph_says_what_three_do() {
         .into_iter()
         .map(|form| {
             let folder = written(&Made::new(form));
-            let bundle = Bundle::load(&config(folder.path())).expect("it is right");
-            let mut vision =
-                Vision::new(bundle.split().0, Box::new(|_| Err("no labels are given".into())));
+            let config = config(folder.path());
+            let vision = Bundle::load(&config).expect("it is right").split().0;
+            let no_words = Box::new(|_: &str| Err("no labels are given".into()));
+            let mut vision = Vision::new(vision, no_words, &config);
             // The same memory twice.
             [0, 1].map(|at| vision.run(&frame(&robot, at)).expect("it runs").codes)
         })

@@ -61,7 +61,7 @@ const SCALE: (&str, &str) = ("MAPPER__TIES__SCALE", "true");
 const OPACITY: (&str, &str) = ("MAPPER__TIES__OPACITY", "true");
 
 /// What is measured, in the order of the table.
-const VARIANTS: [Variant; 11] = [
+const VARIANTS: [Variant; 12] = [
     Variant::oracle("disentangled", "the default: each head has its own shape", &[]),
     Variant::oracle("joint", "one shape for colour and language", &[ROTATION, SCALE, OPACITY]),
     Variant::oracle("tied-rotation", "one rotation", &[ROTATION]),
@@ -74,6 +74,14 @@ const VARIANTS: [Variant; 11] = [
     Variant {
         encoder: Encoder::Bundle,
         ..Variant::oracle("bundle", "the bundle's networks and not the true classes", &[])
+    },
+    Variant {
+        encoder: Encoder::Bundle,
+        ..Variant::oracle(
+            "no-srd",
+            "the same, coarse features stretched",
+            &[("LANGUAGE__SRD", "false")],
+        )
     },
     Variant::oracle(
         "paper-tracker",

@@ -41,6 +41,9 @@ pub struct LanguageConfig {
     pub threads: usize,
     /// Keyframes that wait for the networks; when full they are given back.
     pub queue: usize,
+    /// Whether the super-resolution decoder is used, where the bundle has it apart; without it coarse
+    /// features are stretched.
+    pub srd: bool,
     /// Labels that come with a frame are kept at this many columns at most.
     pub label_columns: usize,
 }
@@ -53,6 +56,7 @@ impl Default for LanguageConfig {
             providers: vec![Provider::Cpu],
             threads: 0,
             queue: 4,
+            srd: true,
             label_columns: 300,
         }
     }
@@ -128,7 +132,7 @@ impl Vision {
             }
             VisionStages::Apart { encoder, srd, compressor } => Stages::Apart {
                 encoder,
-                srd: SuperResolution::new(srd),
+                srd: SuperResolution::new(srd, grid, config.srd),
                 compressor: GenericEncoder::new(compressor),
             },
         };
