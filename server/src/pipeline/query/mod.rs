@@ -85,7 +85,7 @@ impl Default for QueryConfig {
             code_columns: 200,
             cached_texts: 1024,
             feature_cache_mib: 512,
-            cluster_metres: 0.12,
+            cluster_metres: 0.15,
             cluster_points: 10,
             object_score: 0.5,
             object_size: 0.02,
