@@ -4,6 +4,7 @@
 //! Each map has one thread that owns its live state; all maps share one thread that owns the networks
 //! for keyframes and one that answers queries from snapshots. Nothing here knows gRPC or HTTP.
 
+mod backdrop;
 pub mod compressor;
 pub mod encoder;
 pub mod engine;

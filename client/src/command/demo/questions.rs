@@ -10,6 +10,8 @@ use std::collections::HashMap;
 pub const QUESTIONS: usize = 5;
 /// A thing that fills this share of a frame is seen well.
 const SALIENT_SHARE: f64 = 0.01;
+/// Pixels of a thing that the picture's border cuts off tell less: so many count as one.
+const CUT: usize = 4;
 /// Keyframes that are tried for a question when nobody knows where the thing is.
 const TRIED_FRAMES: usize = 8;
 
@@ -35,14 +37,14 @@ const PREFERRED: [&str; 16] = [
 const IN_SEVEN_SCENES: [&str; QUESTIONS] = ["chair", "table", "cup", "book", "screen"];
 const ANYWHERE: [&str; QUESTIONS] = ["sofa", "chair", "table", "lamp", "potted plant"];
 
-/// The frame that shows most of a class.
+/// The frame that shows a class best.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sight {
     /// What is seen.
     pub class: String,
     /// Position of the frame in the data set.
     pub index: usize,
-    /// Pixels of the class in it.
+    /// Pixels of the class in it, those of cut-off things counting a quarter.
     pub pixels: usize,
     /// Pixels of the frame.
     pub of: usize,
@@ -56,13 +58,24 @@ impl Sight {
 
 /// Enters one frame's mask: keeps for each class the sight with most pixels; of equals the first.
 pub fn look(sights: &mut Vec<Sight>, instances: &[Instance], index: usize, mask: &Mask) {
-    let class_of: HashMap<u16, &str> =
-        instances.iter().map(|instance| (instance.id, instance.class.as_str())).collect();
-    let mut pixels: HashMap<&str, usize> = HashMap::new();
-    for class in mask.ids.iter().filter_map(|id| class_of.get(id)) {
-        *pixels.entry(class).or_default() += 1;
+    let (width, height) = (mask.width as usize, mask.height as usize);
+    // Of each instance: its pixels, and whether it reaches the border.
+    let mut seen: HashMap<u16, (usize, bool)> = HashMap::new();
+    for (at, id) in mask.ids.iter().enumerate() {
+        let (row, column) = (at / width, at % width);
+        let border = row == 0 || column == 0 || row + 1 == height || column + 1 == width;
+        let (pixels, cut) = seen.entry(*id).or_default();
+        *pixels += 1;
+        *cut |= border;
     }
-    for (class, pixels) in pixels {
+    let mut of_class: HashMap<&str, usize> = HashMap::new();
+    for instance in instances {
+        if let Some(&(pixels, cut)) = seen.get(&instance.id) {
+            *of_class.entry(&instance.class).or_default() +=
+                if cut { pixels.div_ceil(CUT) } else { pixels };
+        }
+    }
+    for (class, pixels) in of_class {
         let sight = Sight { class: class.to_owned(), index, pixels, of: mask.ids.len() };
         match sights.iter_mut().find(|known| known.class == class) {
             Some(known) if known.pixels < pixels => *known = sight,
@@ -119,25 +132,54 @@ mod tests {
         choose(sights, &classes).into_iter().map(|sight| sight.class).collect()
     }
 
-    #[test]
-    fn the_best_frame_of_a_class_counts_all_its_instances() {
-        let instance = |id: u16, class: &str| Instance {
+    fn instance(id: u16, class: &str) -> Instance {
+        Instance {
             id,
             name: format!("{class}_{id}"),
             class: class.into(),
             aabb_min: [0.0; 3],
             aabb_max: [1.0; 3],
-        };
+        }
+    }
+
+    /// A picture of these ids with nothing around them.
+    fn framed(rows: &[&[u16]]) -> Mask {
+        let width = rows[0].len() + 2;
+        let mut ids = vec![0; width];
+        for row in rows {
+            ids.extend([&[0], *row, &[0]].concat());
+        }
+        ids.extend(vec![0; width]);
+        Mask { width: width as u32, height: rows.len() as u32 + 2, ids }
+    }
+
+    #[test]
+    fn the_best_frame_of_a_class_counts_all_its_instances() {
         let instances = [instance(1, "chair"), instance(2, "chair"), instance(3, "lamp")];
-        let mask = |ids: &[u16]| Mask { width: 4, height: 1, ids: ids.to_vec() };
         let mut sights = Vec::new();
-        look(&mut sights, &instances, 10, &mask(&[1, 1, 0, 3]));
-        look(&mut sights, &instances, 20, &mask(&[1, 2, 1, 3]));
-        look(&mut sights, &instances, 30, &mask(&[2, 2, 2, 9]));
+        look(&mut sights, &instances, 10, &framed(&[&[1, 1, 0, 3]]));
+        look(&mut sights, &instances, 20, &framed(&[&[1, 2, 1, 3]]));
+        look(&mut sights, &instances, 30, &framed(&[&[2, 2, 2, 9]]));
         let of = |class: &str| sights.iter().find(|sight| sight.class == class).unwrap();
-        assert_eq!((of("chair").index, of("chair").pixels, of("chair").of), (20, 3, 4));
+        assert_eq!((of("chair").index, of("chair").pixels, of("chair").of), (20, 3, 18));
         assert_eq!((of("lamp").index, of("lamp").pixels), (10, 1));
         assert_eq!(sights.len(), 2, "id 9 is nothing");
+    }
+
+    #[test]
+    fn a_whole_thing_is_shown_better_than_a_larger_one_that_is_cut_off() {
+        let instances = [instance(1, "plant")];
+        let best = |cut: usize| {
+            let mut sights = Vec::new();
+            look(&mut sights, &instances, 10, &framed(&[&[1, 1]]));
+            let mut ids = vec![1; cut];
+            ids.resize(16, 0);
+            look(&mut sights, &instances, 20, &Mask { width: 4, height: 4, ids });
+            (sights[0].index, sights[0].pixels)
+        };
+        assert_eq!(best(7), (10, 2));
+        // Negative control: much more of it is better again.
+        assert_eq!(best(9), (20, 3));
     }
 
     #[test]

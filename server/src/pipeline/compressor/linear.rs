@@ -1,24 +1,21 @@
-//! Linear online stage: the leading eigenvectors of the second moments of all codes seen.
+//! Linear online stage: the leading eigenvectors of the second moments of all codes seen, and a
+//! dictionary of the directions that they do not span.
 //!
-//! What is rare counts for more than its pixels: a code weighs by the root of its leverage, which is
-//! gᵀ M⁻¹ g with M the plain moments. Of a thing that fills a hundredth of the pixels a tenth of the
-//! weight is left, not a hundredth; without that, codes of small things are the first that a
-//! small basis gives up.
-//!
-//! code = W g, g = direction of Wᵀ code, with W `[code_size, 32]` orthonormal rows. Rendering is a
-//! weighted sum and commutes with W, so a blended code decodes to the blend of what was written; no
-//! keyframe is forgotten, because the moments are sums. Every keyframe weighs the same. When the
-//! basis moves, it is turned within its span so that codes change as little as they can.
+//! code = W g, g = direction of Wᵀ code + r(code), with W `[code_size, 32]` orthonormal rows and r what the
+//! basis leaves out of codes like this one ([`Dictionary`]): of what is rare a small basis keeps little,
+//! and little is enough to know it again. Rendering is a weighted sum and commutes with W, so a blended
+//! code decodes to the blend of what was written; no keyframe is forgotten, because the moments are
+//! sums. Every keyframe weighs the same. When the basis moves, it is turned within its span so that
+//! codes change as little as they can.
 
+use super::dictionary::{Dictionary, Reader};
 use super::{GENERIC, OnlineStage, normalise_rows};
 use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
-use ndarray::{Array2, ArrayView1, Axis};
+use ndarray::{Array2, Axis};
 
 type Moments = SMatrix<f64, GENERIC, GENERIC>;
 type Code = SVector<f64, GENERIC>;
 
-/// Added to the moments' diagonal: what fills less than this share of the pixels weighs no more.
-const RIDGE: f64 = 1e-3;
 /// Rows that are summed in single precision before the sum goes on in double.
 const BLOCK: usize = 512;
 
@@ -30,11 +27,11 @@ pub struct Linear {
     version: u64,
     keyframes: u64,
     /// Sum over keyframes of the mean g gᵀ.
-    plain: Moments,
-    /// The same, each code weighing by its leverage.
     moments: Moments,
     /// `[code_size, 32]`, orthonormal rows.
     basis: Vec<f32>,
+    dictionary: Dictionary,
+    reader: Reader,
 }
 
 impl Linear {
@@ -45,14 +42,16 @@ impl Linear {
         for axis in 0..code_size {
             basis[axis * GENERIC + axis] = 1.0;
         }
+        let dictionary = Dictionary::default();
         Self {
             code_size,
             tolerance,
             version: 0,
             keyframes: 0,
-            plain: Moments::zeros(),
             moments: Moments::zeros(),
+            reader: dictionary.read_by(&basis),
             basis,
+            dictionary,
         }
     }
 
@@ -80,19 +79,18 @@ impl OnlineStage for Linear {
         if rows.is_empty() {
             return false;
         }
-        self.plain += mean_outer_product(&rows, None);
+        self.moments += mean_outer_product(&rows);
         self.keyframes += 1;
-        let ridged = self.plain / self.keyframes as f64 + Moments::identity() * RIDGE;
-        let inverse = ridged.try_inverse().expect("positive definite");
-        self.moments += mean_outer_product(&rows, Some(&root_of_form(&rows, &inverse)));
+        self.dictionary.observe(&rows);
         let best = principal_rows(self.moments, self.code_size);
         let lost = self.kept(&best) - self.kept(&self.basis);
-        if self.version > 0 && lost <= self.tolerance * self.keyframes as f64 {
-            return false;
+        let moves = self.version == 0 || lost > self.tolerance * self.keyframes as f64;
+        if moves {
+            self.basis = if self.version == 0 { best } else { turned_towards(&self.basis, &best) };
+            self.version += 1;
         }
-        self.basis = if self.version == 0 { best } else { turned_towards(&self.basis, &best) };
-        self.version += 1;
-        true
+        self.reader = self.dictionary.read_by(&self.basis);
+        moves
     }
 
     fn encode(&self, generic: &[f32]) -> Vec<f32> {
@@ -106,13 +104,7 @@ impl OnlineStage for Linear {
     }
 
     fn decode(&self, codes: &[f32]) -> Vec<f32> {
-        let mut generic = vec![0.0_f32; codes.len() / self.code_size * GENERIC];
-        let rows = generic.chunks_exact_mut(GENERIC).zip(codes.chunks_exact(self.code_size));
-        for (row, code) in rows {
-            for (&value, direction) in code.iter().zip(self.basis.chunks_exact(GENERIC)) {
-                row.iter_mut().zip(direction).for_each(|(to, along)| *to += value * along);
-            }
-        }
+        let mut generic = self.reader.generic(codes);
         normalise_rows(&mut generic, GENERIC);
         generic
     }
@@ -144,31 +136,15 @@ fn directions(generic: &[f32]) -> Array2<f32> {
     Array2::from_shape_vec((rows.len() / GENERIC, GENERIC), rows).expect("whole rows")
 }
 
-/// Mean of g gᵀ over rows g; each counts as often as its weight says.
-fn mean_outer_product(rows: &Array2<f32>, weights: Option<&[f32]>) -> Moments {
+/// Mean of g gᵀ over rows g.
+fn mean_outer_product(rows: &Array2<f32>) -> Moments {
     let mut sum = Moments::zeros();
-    let mut total = 0.0;
-    for (at, block) in rows.axis_chunks_iter(Axis(0), BLOCK).enumerate() {
-        let mut weighed = block.to_owned();
-        let of = |row: usize| weights.map_or(1.0, |weights| weights[at * BLOCK + row]);
-        for (row, mut code) in weighed.outer_iter_mut().enumerate() {
-            code *= of(row);
-            total += f64::from(of(row));
-        }
-        let product = weighed.t().dot(&block);
+    for block in rows.axis_chunks_iter(Axis(0), BLOCK) {
+        let product = block.t().dot(&block);
         sum += Moments::from_fn(|row, column| product[[row, column]].into());
     }
     // Rounding must not make it lopsided.
-    (sum + sum.transpose()) / (2.0 * total)
-}
-
-/// The root of gᵀ A g of every row g, A being symmetric.
-fn root_of_form(rows: &Array2<f32>, form: &Moments) -> Vec<f32> {
-    let form = Array2::from_shape_fn((GENERIC, GENERIC), |at| form[at] as f32);
-    let products = rows.dot(&form);
-    let root =
-        |(row, product): (ArrayView1<f32>, ArrayView1<f32>)| row.dot(&product).max(0.0).sqrt();
-    rows.outer_iter().zip(products.outer_iter()).map(root).collect()
+    (sum + sum.transpose()) / (2.0 * rows.nrows() as f64)
 }
 
 /// Eigenvectors of the largest eigenvalues, largest first; the sign is such that the entry with the
@@ -193,32 +169,31 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     #[test]
-    fn what_is_rare_is_not_given_up_for_the_noise_of_what_is_common() {
+    fn what_is_rare_is_read_although_the_basis_has_no_room_for_it() {
         // One direction that wavers along four others, and in one pixel of 200 something else.
         let mut random = ChaCha8Rng::seed_from_u64(6);
-        let pixel = |at: usize| {
-            let mut code = vec![0.0; GENERIC];
+        let mut rare = vec![0.0; GENERIC];
+        (rare[1], rare[31]) = (0.6, 0.8);
+        let mut pixel = |at: usize| {
             if at.is_multiple_of(200) {
-                code[31] = 1.0;
-            } else {
-                code[0] = 1.0;
-                (1..5).for_each(|axis| code[axis] = random.random_range(-0.2..0.2));
+                return rare.clone();
             }
+            let mut code = vec![0.0; GENERIC];
+            code[0] = 1.0;
+            (1..5).for_each(|axis| code[axis] = random.random_range(-0.2..0.2));
             code
         };
-        let codes: Vec<f32> = (0..4000).flat_map(pixel).collect();
-        let mut rare = vec![0.0; GENERIC];
-        rare[31] = 1.0;
+        let codes: Vec<f32> = (0..4000).flat_map(&mut pixel).collect();
         let mut stage = Linear::new(4, 0.001);
         stage.observe(&codes);
-        let kept = |basis: &[f32]| {
-            let along = basis.chunks_exact(GENERIC).map(|row| row[31].powi(2));
-            along.sum::<f32>().sqrt()
+        let read = |stage: &Linear| {
+            let read = stage.decode(&stage.encode(&rare));
+            read.iter().zip(&rare).map(|(a, b)| a * b).sum::<f32>()
         };
-        assert!(kept(&stage.basis) > 0.9, "{}", kept(&stage.basis));
-        // Negative control: by plain moments it is given up.
-        let plain = principal_rows(stage.plain, 4);
-        assert!(kept(&plain) < 0.7, "{}", kept(&plain));
+        assert!(read(&stage) > 0.99, "{}", read(&stage));
+        // Negative control: by the basis alone it is something else.
+        stage.reader = Dictionary::default().read_by(&stage.basis);
+        assert!(read(&stage) < 0.8, "{}", read(&stage));
     }
 
     fn basis(angle: f32) -> Vec<f32> {

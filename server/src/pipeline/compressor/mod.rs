@@ -5,6 +5,7 @@
 //! truth; every 15-D code belongs to a version of the online stage and is carried over when it
 //! advances.
 
+mod dictionary;
 pub mod generic;
 mod linear;
 mod mlp;
@@ -47,7 +48,7 @@ pub trait OnlineStage: Send + Sync {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
-    /// Running second moments and their leading eigenvectors.
+    /// Running second moments, their leading eigenvectors, and what these leave out.
     Linear,
     /// The paper's auto-encoder.
     Mlp,

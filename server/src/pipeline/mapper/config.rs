@@ -32,6 +32,8 @@ pub struct MapperConfig {
     pub insert_depth_error: f32,
     /// Insert where the mean absolute colour error is above this (0..1).
     pub insert_color_error: f32,
+    /// What has colour and no depth is put so many times as far as the farthest thing measured; 0: nowhere.
+    pub insert_backdrop: f32,
     /// Gaussians at most; then nothing is inserted any more.
     pub max_gaussians: usize,
     /// Optimiser steps that each keyframe earns; taken when no frame waits.
@@ -46,8 +48,6 @@ pub struct MapperConfig {
     pub prune_every: usize,
     /// A Gaussian goes when both heads' opacities are below this (0.7).
     pub prune_opacity: f32,
-    /// A Gaussian goes when its colour head is longer than this, metres.
-    pub prune_scale_metres: f32,
     /// Readers get a new snapshot at most this often while the map changes, seconds.
     pub snapshot_seconds: f64,
     /// Which parameters of the two heads are one (none in the paper's full method; all: the joint
@@ -138,6 +138,7 @@ impl Default for MapperConfig {
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
             insert_color_error: 0.1,
+            insert_backdrop: 1.25,
             max_gaussians: 400_000,
             steps_per_keyframe: 32,
             steps_per_frame: 1,
@@ -145,7 +146,6 @@ impl Default for MapperConfig {
             language_every: 4,
             prune_every: 200,
             prune_opacity: 0.05,
-            prune_scale_metres: 0.6,
             snapshot_seconds: 2.0,
             ties: TiesConfig::default(),
             loss: LossConfig::default(),

@@ -83,6 +83,7 @@ pub(super) fn spawn(
         steps_left: 0,
         steps_done: 0,
         ordered_len: 0,
+        farthest_metres: 0.0,
         revision: 0,
         published: Arc::default(),
         changed: false,
@@ -120,6 +121,8 @@ struct Mapper {
     steps_done: usize,
     /// Size of the map when it was last brought into spatial order.
     ordered_len: usize,
+    /// The farthest that a keyframe measured.
+    farthest_metres: f32,
     revision: u64,
     /// The map as readers have it.
     published: Arc<HostGaussians>,

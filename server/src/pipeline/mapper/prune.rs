@@ -1,4 +1,4 @@
-//! Removal of Gaussians that show nothing, or too much, and their order in memory. All on the device:
+//! Removal of Gaussians that show nothing, and their order in memory. All on the device:
 //! the map does not come to the host for it.
 
 use super::{Mapper, MapperConfig};
@@ -8,7 +8,8 @@ use lexsplat_gpu::{DensifyRules, GpuError};
 const GROWTH_TO_REORDER: f64 = 1.3;
 
 impl Mapper {
-    /// Removes Gaussians that are transparent in **both** heads (paper §4.3), too large, or not finite.
+    /// Removes Gaussians that are transparent in **both** heads (paper §4.3), or not finite. A large
+    /// one may be all that shows a far wall: it stays.
     pub(super) fn prune(&mut self) -> Result<(), GpuError> {
         self.renderer.settle(&mut self.gaussians)?;
         let counts = self.gaussians.densify(&rules(&self.config))?;
@@ -27,9 +28,9 @@ impl Mapper {
 fn rules(config: &MapperConfig) -> DensifyRules {
     DensifyRules {
         min_gradient: f32::INFINITY,
-        clone_scale: config.prune_scale_metres,
+        clone_scale: 1.0,
         min_opacity: config.prune_opacity,
-        max_scale: Some(config.prune_scale_metres),
+        max_scale: None,
         either_head: false,
         max_radius: None,
         max_gaussians: config.max_gaussians,
@@ -71,8 +72,8 @@ mod tests {
     }
 
     #[test]
-    fn goes_when_huge_or_nowhere() {
-        assert!(!stays([2.0, 2.0], 0.0, 0.0), "one metre long");
+    fn goes_when_nowhere_and_not_when_large() {
+        assert!(stays([2.0, 2.0], 1.0, 0.0), "three metres long");
         assert!(!stays([2.0, 2.0], -4.0, f32::NAN), "nowhere");
         assert!(stays([2.0, 2.0], -4.0, 1.0), "and this one stays");
     }

@@ -6,6 +6,10 @@
 //! three neighbours, itself among them, is at the core of something; cores that are neighbours are one
 //! cluster; others join their nearest core, or are floaters and belong to nothing. A cluster of too few
 //! is noise.
+//!
+//! It is done twice. How sure the best of the first clusters is says from which relevancy on a Gaussian is
+//! surely part of something ([`Worth`]); of the second ones only these are cores. Things that stand beside
+//! each other on what is a little like them (chairs on a carpet) would be one thing otherwise.
 
 use super::answer::{Object, ScoredPoint};
 use super::boxes;
@@ -49,17 +53,26 @@ pub(super) struct Worth {
 }
 
 impl Worth {
+    /// The least relevancy that is worth anything beside the best cluster.
+    fn least(self, best: f32) -> f32 {
+        let threshold = logit(self.threshold);
+        1.0 / (1.0 + (-threshold - self.score * (logit(best) - threshold)).exp())
+    }
+
     /// What is left of clusters, best first, and their members.
     fn sifted(self, mut found: Vec<(Object, Vec<usize>)>) -> Vec<(Object, Vec<usize>)> {
-        let best = found.first().map_or(0.0, |(object, _)| object.score);
+        let least = self.least(best(&found));
         let largest = found.iter().map(|(object, _)| object.points).max().unwrap_or(0);
-        let threshold = logit(self.threshold);
-        let least = threshold + self.score * (logit(best) - threshold);
         found.retain(|(object, _)| {
-            logit(object.score) >= least && object.points as f32 >= self.size * largest as f32
+            object.score >= least && object.points as f32 >= self.size * largest as f32
         });
         found
     }
+}
+
+/// Score of the best cluster.
+fn best(found: &[(Object, Vec<usize>)]) -> f32 {
+    found.first().map_or(0.0, |(object, _)| object.score)
 }
 
 fn logit(share: f32) -> f32 {
@@ -77,7 +90,14 @@ pub(super) struct Clusters {
 
 /// Clusters as objects, and their members.
 pub(super) fn clustered(relevant: &[Weighted], density: Density, worth: Worth) -> Clusters {
-    let found = worth.sifted(objects(relevant, clusters(relevant, density)));
+    let near = Neighbours::new(relevant, density.metres);
+    let mut is_core = near.cores();
+    let at_first = objects(relevant, clusters(&near, &is_core, density.points));
+    let least = worth.least(best(&at_first));
+    for (is_core, one) in is_core.iter_mut().zip(relevant) {
+        *is_core &= one.point.score >= least;
+    }
+    let found = worth.sifted(objects(relevant, clusters(&near, &is_core, density.points)));
     let mut members: Vec<usize> = found.iter().flat_map(|(_, members)| members).copied().collect();
     members.sort_unstable();
     Clusters { objects: found.into_iter().map(|(object, _)| object).collect(), members }
@@ -116,11 +136,9 @@ fn score(members: &[Weighted]) -> f32 {
     best.iter().map(|member| member.point.score * member.opacity).sum::<f32>() / weight.max(1e-6)
 }
 
-/// Indices of the members of every cluster, in the order of their first members.
-fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
-    let near = Neighbours::new(relevant, density.metres);
-    let is_core: Vec<bool> = near.cores();
-    let mut groups = near.joined(&is_core);
+/// Indices of the members of every cluster of at least so many, in the order of their first members.
+fn clusters(near: &Neighbours, is_core: &[bool], least: usize) -> Vec<Vec<usize>> {
+    let mut groups = near.joined(is_core);
     let host = |at: usize| {
         if is_core[at] {
             return Some(at);
@@ -128,7 +146,7 @@ fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
         let apart = |other: &usize| near.gap(at, *other);
         near.of(at).filter(|&other| is_core[other]).min_by(|a, b| apart(a).total_cmp(&apart(b)))
     };
-    let hosts: Vec<Option<usize>> = (0..relevant.len()).into_par_iter().map(host).collect();
+    let hosts: Vec<Option<usize>> = (0..is_core.len()).into_par_iter().map(host).collect();
     let mut place_of: HashMap<usize, usize> = HashMap::default();
     let mut found: Vec<Vec<usize>> = Vec::new();
     for (at, host) in hosts.into_iter().enumerate() {
@@ -139,7 +157,7 @@ fn clusters(relevant: &[Weighted], density: Density) -> Vec<Vec<usize>> {
         });
         found[place].push(at);
     }
-    found.retain(|members| members.len() >= density.points);
+    found.retain(|members| members.len() >= least);
     found
 }
 
@@ -178,6 +196,20 @@ mod tests {
         let alone = blob(Point3::origin(), 0.55, &mut random);
         assert_eq!(clustered(&alone, DENSITY, worth).objects.len(), 1);
         assert!(clustered(&[], DENSITY, worth).objects.is_empty());
+    }
+
+    #[test]
+    fn things_on_what_is_a_little_like_them_are_apart() {
+        let mut random = ChaCha8Rng::seed_from_u64(10);
+        let mut points = blob(Point3::origin(), 0.9, &mut random);
+        points.extend(blob(Point3::new(1.0, 0.0, 0.0), 0.9, &mut random));
+        points.extend((0..100).map(|i| weighted(Point3::new(0.01 * i as f32, 0.0, 0.0), 0.6)));
+        let worth = Worth { threshold: 0.5, score: 0.5, size: 0.0 };
+        let told = clustered(&points, DENSITY, worth);
+        assert_eq!(told.objects.len(), 2);
+        assert!((600..680).contains(&told.members.len()), "{}", told.members.len());
+        // Negative control: if all that is above the threshold is as good, they are one.
+        assert_eq!(objects(&points, DENSITY).len(), 1);
     }
 
     const DENSITY: Density = Density { metres: 0.08, points: 8 };
@@ -297,7 +329,8 @@ mod tests {
                 break;
             }
         }
-        let found = clusters(&points, density);
+        let near = Neighbours::new(&points, density.metres);
+        let found = clusters(&near, &near.cores(), density.points);
         assert!((3..20).contains(&found.len()), "{} clusters", found.len());
         let mut cluster_of = vec![usize::MAX; points.len()];
         for (at, members) in found.iter().enumerate() {

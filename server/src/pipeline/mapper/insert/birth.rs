@@ -5,6 +5,7 @@
 //! their colour heads, with codes of zeros ("no language yet"). The paper's are balls at random
 //! pixels; disks need no optimisation to lie on a wall.
 
+use super::super::super::backdrop::NOWHERE;
 use super::super::super::working::Working;
 use super::cells::Cell;
 use lexsplat_gpu::{HostGaussians, HostHead};
@@ -21,8 +22,13 @@ const MAX_SLANT: f32 = 3.0;
 /// Neighbours whose depths differ by more than this share lie on other surfaces.
 const ONE_SURFACE: f32 = 0.05;
 
-/// One Gaussian for each square that has a measured pixel.
-pub(super) fn newborns(working: &Working, cells: &[Cell], code_size: usize) -> HostGaussians {
+/// One Gaussian for each square that has a depth; from `beyond` metres on it is a backdrop's.
+pub(super) fn newborns(
+    working: &Working,
+    cells: &[Cell],
+    beyond: f32,
+    code_size: usize,
+) -> HostGaussians {
     let head = |channels| HostHead { channels, ..HostHead::default() };
     let mut born = HostGaussians { means: Vec::new(), colour: head(3), language: head(code_size) };
     for cell in cells {
@@ -32,8 +38,10 @@ pub(super) fn newborns(working: &Working, cells: &[Cell], code_size: usize) -> H
         for head in [&mut born.colour, &mut born.language] {
             head.rotations.push(rotation);
             head.log_scales.push(log_scale);
-            head.opacity_logits.push(OPACITY_LOGIT);
         }
+        let is_backdrop = working.depth_metres[pixel] >= beyond;
+        born.colour.opacity_logits.push(OPACITY_LOGIT);
+        born.language.opacity_logits.push(if is_backdrop { NOWHERE } else { OPACITY_LOGIT });
         born.colour.features.extend(mean_colour(working, *cell, working.depth_metres[pixel]));
     }
     born.language.features = vec![0.0; born.means.len() * code_size];
@@ -127,7 +135,7 @@ mod tests {
 
     #[test]
     fn newborns_lie_on_the_surface_and_have_no_language() {
-        let born = newborns(&working(6), &[CELL], 15);
+        let born = newborns(&working(6), &[CELL], f32::INFINITY, 15);
         assert!((born.means[0][2] - 2.0).abs() < 1e-6, "at the measured depth");
         assert!((born.colour.features[0] - 128.0 / 255.0).abs() < 1e-6);
         assert_eq!(born.language.features, vec![0.0; 15]);
@@ -142,7 +150,7 @@ mod tests {
         // z = 2 + x/4: the normal is (1, 0, -4) / sqrt(17).
         let depth = |u: f32| 2.0 / (1.0 - 0.25 * (u - 2.5) / 6.0);
         slanted.depth_metres = (0..36).map(|at| depth((at % 6) as f32)).collect();
-        let born = newborns(&slanted, &[CELL], 1);
+        let born = newborns(&slanted, &[CELL], f32::INFINITY, 1);
         let [w, x, y, z] = born.colour.rotations[0];
         let turn = UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
         let truth = Vector3::new(1.0, 0.0, -4.0).normalize();
@@ -157,6 +165,6 @@ mod tests {
     #[test]
     fn nothing_is_born_without_a_measurement() {
         let blind = Working { depth_metres: vec![0.0; 36].into(), ..working(6) };
-        assert!(newborns(&blind, &[CELL], 15).is_empty());
+        assert!(newborns(&blind, &[CELL], f32::INFINITY, 15).is_empty());
     }
 }

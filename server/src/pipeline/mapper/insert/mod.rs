@@ -6,20 +6,29 @@
 mod birth;
 mod cells;
 
+use super::super::backdrop;
 use super::super::working::Working;
 use super::keyframe::Keyframe;
 use super::{Mapper, MapperConfig};
 use birth::newborns;
 use cells::{Cell, Grain, cells};
 use lexsplat_gpu::{ColourImage, GpuError};
+use std::borrow::Cow;
 
 impl Mapper {
     /// Appends what the keyframe shows and the map does not have.
     pub(super) fn insert(&mut self, keyframe: &Keyframe) -> Result<(), GpuError> {
         let rendered = self.renderer.render_colour(&self.gaussians, &keyframe.working.camera)?;
         let room = self.config.max_gaussians.saturating_sub(self.gaussians.len());
-        let seen = keyframe.in_map_colours();
-        let born = unexplained(&seen, &rendered, &self.config);
+        let depths = keyframe.working.depth_metres.iter().copied();
+        self.farthest_metres = depths.fold(self.farthest_metres, f32::max);
+        let mut seen = keyframe.in_map_colours();
+        let backdrop = self.backdrop_metres();
+        if let Some(metres) = backdrop {
+            seen = Cow::Owned(backdrop::filled(&seen, metres));
+        }
+        let beyond = backdrop.unwrap_or(f32::INFINITY);
+        let born = unexplained(&seen, &rendered, beyond, &self.config);
         let kept = born.len().min(room);
         if kept < born.len() {
             tracing::warn!(
@@ -28,16 +37,28 @@ impl Mapper {
                 "mapper.max_gaussians is reached"
             );
         }
-        let newborns = newborns(&seen, &born[..kept], self.online.code_size());
+        let newborns = newborns(&seen, &born[..kept], beyond, self.online.code_size());
         self.gaussians.append(&newborns)?;
         self.changed = true;
         Ok(())
     }
+
+    /// How far away a picture's pixels are taken to be that have no depth.
+    fn backdrop_metres(&self) -> Option<f32> {
+        let metres = self.config.insert_backdrop * self.farthest_metres;
+        (metres > 0.0).then_some(metres)
+    }
 }
 
 /// The squares that get a Gaussian: where the map does not explain the frame, as fine as its detail.
-fn unexplained(working: &Working, rendered: &ColourImage, config: &MapperConfig) -> Vec<Cell> {
-    let needs = |pixel| needs_gaussian(working, rendered, config, pixel);
+/// Depths of `beyond` and more are a backdrop's.
+fn unexplained(
+    working: &Working,
+    rendered: &ColourImage,
+    beyond: f32,
+    config: &MapperConfig,
+) -> Vec<Cell> {
+    let needs = |pixel| needs_gaussian(working, rendered, beyond, config, pixel);
     let wanted: Vec<bool> = (0..working.camera.pixels()).map(needs).collect();
     let grain = Grain {
         max_side: config.insert_max_pixels as usize,
@@ -48,10 +69,12 @@ fn unexplained(working: &Working, rendered: &ColourImage, config: &MapperConfig)
     cells(working, &wanted, grain)
 }
 
-/// Whether the map leaves this pixel open, lies behind it, or shows another colour.
+/// Whether the map leaves this pixel open, lies behind it, or shows another colour. Before a backdrop
+/// only what is open counts.
 fn needs_gaussian(
     working: &Working,
     rendered: &ColourImage,
+    beyond: f32,
     config: &MapperConfig,
     pixel: usize,
 ) -> bool {
@@ -62,8 +85,8 @@ fn needs_gaussian(
     let opacity = rendered.opacity[pixel];
     // A NaN in the picture is not opaque: it asks for a Gaussian.
     let is_opaque = opacity >= config.insert_opacity;
-    if !is_opaque {
-        return true;
+    if !is_opaque || measured >= beyond {
+        return !is_opaque;
     }
     let depth = rendered.depth[pixel] / opacity;
     if depth - measured > config.insert_depth_error * measured {
@@ -119,7 +142,7 @@ mod tests {
     }
 
     fn count(working: &Working, rendered: &ColourImage) -> usize {
-        unexplained(working, rendered, &MapperConfig::default()).len()
+        unexplained(working, rendered, f32::INFINITY, &MapperConfig::default()).len()
     }
 
     #[test]
@@ -144,9 +167,29 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_inserted_without_a_measurement() {
+    fn what_is_not_measured_gets_a_backdrop_or_nothing() {
         let blind = Working { depth_metres: vec![0.0; SIZE * SIZE].into(), ..working(SIZE) };
         let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&blind, &open), 0);
+        let config = MapperConfig::default();
+        let before = backdrop::filled(&blind, 5.0);
+        assert!(before.depth_metres.iter().all(|depth| *depth == 5.0));
+        let cells = unexplained(&before, &open, 5.0, &config);
+        assert_eq!(cells.len(), count(&working(SIZE), &open), "as a wall there");
+        // Whatever the map shows there hides it, in any colour and at any depth.
+        let other = ColourImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
+        assert!(unexplained(&before, &other, 5.0, &config).is_empty());
+        // Negative control: what was measured at 5 m would be missing.
+        let farther = ColourImage { depth: vec![9.0; SIZE * SIZE], ..explained() };
+        assert!(!unexplained(&before, &farther, f32::INFINITY, &config).is_empty());
+        assert!(unexplained(&before, &farther, 5.0, &config).is_empty());
+
+        let kept = |beyond| backdrop::without(&newborns(&before, &cells, beyond, 15)).len();
+        assert_eq!((kept(5.0), kept(5.1)), (0, cells.len()));
+        assert_eq!(
+            backdrop::filled(&working(SIZE), 5.0).depth_metres[0],
+            2.0,
+            "a measurement stays"
+        );
     }
 }

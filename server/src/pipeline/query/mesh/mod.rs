@@ -13,6 +13,7 @@ mod volume;
 
 use super::scene::Scene;
 use super::{QueryError, picture};
+use crate::pipeline::backdrop;
 use crate::pipeline::snapshot::{KeyframeInfo, MapSnapshot};
 use lexsplat_gpu::{Camera, Gpu};
 use nalgebra::{Point3, Vector3};
@@ -121,6 +122,8 @@ fn build(
     wanted: impl Fn() -> bool,
 ) -> Result<Mesh, QueryError> {
     let since = Instant::now();
+    let gaussians = Arc::new(backdrop::without(&snapshot.gaussians));
+    let snapshot = &MapSnapshot { gaussians, ..snapshot.clone() };
     let mut scene = Scene::new(gpu);
     let mut volume = Volume::new(voxel_metres, VOLUME_MIB << 20);
     let stride = snapshot.keyframes.len().div_ceil(MOST_VIEWS).max(1);
