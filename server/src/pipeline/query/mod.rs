@@ -52,7 +52,8 @@ pub const MAX_VIEW_SIDE: u32 = 4096;
 pub struct QueryConfig {
     /// Questions that wait for the thread; when full the asker waits.
     pub queue: usize,
-    /// Side of the mean filter over a heat map, pixels at the view's size.
+    /// Side of the mean filter over a heat map of [`SMOOTHED_COLUMNS`] columns, pixels; over others in
+    /// proportion.
     pub smoothing_pixels: u32,
     /// Relevancy above which something counts; `None`: the bundle's.
     pub threshold: Option<f32>,
@@ -73,6 +74,18 @@ pub struct QueryConfig {
     pub object_score: f32,
     /// Objects: least Gaussians, as a share of the largest one's.
     pub object_size: f32,
+}
+
+/// Columns of the pictures that the paper's filter of 20 pixels is for.
+const SMOOTHED_COLUMNS: f32 = 1200.0;
+
+impl QueryConfig {
+    /// Side of the mean filter over a view of so many columns, pixels, at least 1: the asked one, else
+    /// the configured one in proportion.
+    fn smoothing(&self, asked: Option<u32>, columns: u32) -> usize {
+        let usual = self.smoothing_pixels as f32 * columns as f32 / SMOOTHED_COLUMNS;
+        asked.unwrap_or(usual.round() as u32).max(1) as usize
+    }
 }
 
 impl Default for QueryConfig {

@@ -37,9 +37,9 @@ impl Worker {
         let text = lap(&mut clock);
         let mut found = match &contest.view {
             Some(view) => {
-                let side = contest.smoothing_pixels.unwrap_or(self.config.smoothing_pixels);
                 let camera = viewpoint::camera(snapshot, view)?;
-                let pixels = Pixels { camera, side: side as usize, threshold };
+                let side = self.config.smoothing(contest.smoothing_pixels, camera.width);
+                let pixels = Pixels { camera, side, threshold };
                 self.segment_view(snapshot, &rivals, &pixels)?
             }
             None => self.segment_space(snapshot, &rivals, threshold)?,

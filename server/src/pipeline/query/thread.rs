@@ -289,8 +289,8 @@ impl Worker {
         let mut timing = Timing::default();
         let features = self.features(snapshot, &camera, &mut timing)?;
         let mut clock = Instant::now();
-        let side = query.smoothing_pixels.unwrap_or(self.config.smoothing_pixels);
-        let relevancy = features.relevancy(comparison, &camera).smoothed(side as usize);
+        let side = self.config.smoothing(query.smoothing_pixels, camera.width);
+        let relevancy = features.relevancy(comparison, &camera).smoothed(side);
         let peak = regions::peak(&relevancy);
         let boxes = regions::boxes(&relevancy, threshold);
         let scores = relevancy.values.iter().copied();
