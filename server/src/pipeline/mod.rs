@@ -5,6 +5,7 @@
 //! for keyframes and one that answers queries from snapshots. Nothing here knows gRPC or HTTP.
 
 mod backdrop;
+mod bilinear;
 pub mod compressor;
 pub mod encoder;
 pub mod engine;

@@ -5,6 +5,7 @@
 //! paper: 10 and 0). 0.5: nearer to the query than to the nearest negative by b / t.
 
 use super::cosines::{Component, cosines};
+use crate::pipeline::bilinear;
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
@@ -87,21 +88,9 @@ impl Plane {
         self.values[row * self.width + column]
     }
 
-    /// Bilinear, pixel centres at half pixels: both images cover the same area.
+    /// The same area at another size.
     pub(super) fn resized(&self, width: usize, height: usize) -> Self {
-        let columns = Taps::all(self.width, width);
-        let rows = Taps::all(self.height, height);
-        let mut values = Vec::with_capacity(width * height);
-        for row in &rows {
-            let upper = &self.values[row.low * self.width..][..self.width];
-            let lower = &self.values[row.high * self.width..][..self.width];
-            values.extend(columns.iter().map(|column| {
-                row.mix(
-                    column.mix(upper[column.low], upper[column.high]),
-                    column.mix(lower[column.low], lower[column.high]),
-                )
-            }));
-        }
+        let values = bilinear::resized(&self.values, (self.width, self.height), (width, height));
         Self { width, height, values }
     }
 
@@ -123,29 +112,6 @@ impl Plane {
             (0..self.height).for_each(|y| across.values[at(y)] = column[y]);
         }
         across
-    }
-}
-
-/// Two neighbours and how far it is to the second.
-struct Taps {
-    low: usize,
-    high: usize,
-    share: f32,
-}
-
-impl Taps {
-    fn all(from: usize, to: usize) -> Vec<Self> {
-        let scale = from as f32 / to as f32;
-        let tap = |i: usize| {
-            let at = ((i as f32 + 0.5) * scale - 0.5).clamp(0.0, (from - 1) as f32);
-            let low = at as usize;
-            Self { low, high: (low + 1).min(from - 1), share: at - low as f32 }
-        };
-        (0..to).map(tap).collect()
-    }
-
-    fn mix(&self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.share
     }
 }
 

@@ -3,6 +3,7 @@
 //!
 //! Without it, which the paper compares with, the coarse features are stretched.
 
+use super::bilinear;
 use super::network::{Network, NetworkError, Tensor};
 
 /// Makes coarse features dense.
@@ -36,15 +37,9 @@ fn stretched(coarse: &Tensor, [rows, columns]: [usize; 2]) -> Tensor {
     let shape = coarse.shape();
     let (size, from) = (shape[1], (shape[2], shape[3]));
     let planes = coarse.as_floats();
-    let (down, across) = (taps(from.0, rows), taps(from.1, columns));
     let mut dense = Vec::with_capacity(size * rows * columns);
     for plane in planes.chunks_exact(from.0 * from.1) {
-        for &(y0, y1, fy) in &down {
-            let row = |y: usize, (x0, x1, fx): (usize, usize, f32)| {
-                plane[y * from.1 + x0] * (1.0 - fx) + plane[y * from.1 + x1] * fx
-            };
-            dense.extend(across.iter().map(|&tap| row(y0, tap) * (1.0 - fy) + row(y1, tap) * fy));
-        }
+        dense.extend(bilinear::resized(plane, (from.1, from.0), (columns, rows)));
     }
     let cells = rows * columns;
     for cell in 0..cells {
@@ -55,22 +50,14 @@ fn stretched(coarse: &Tensor, [rows, columns]: [usize; 2]) -> Tensor {
     Tensor::floats(&[1, size, rows, columns], dense)
 }
 
-/// For each of `to` cells the two of `from` that it lies between, and how far it is to the second.
-fn taps(from: usize, to: usize) -> Vec<(usize, usize, f32)> {
-    let tap = |i: usize| {
-        let at = ((i as f32 + 0.5) * from as f32 / to as f32 - 0.5).clamp(0.0, from as f32 - 1.0);
-        let low = at as usize;
-        (low, (low + 1).min(from - 1), at - low as f32)
-    };
-    (0..to).map(tap).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn coarse_features_are_stretched_and_of_unit_length() {
+        // Tensors are ONNX Runtime's: its library must be loaded.
+        let _runtime = crate::test_support::engine();
         // Two cells: along the first axis, and along the second, of length 3.
         let coarse = Tensor::floats(&[1, 2, 1, 2], vec![1.0, 0.0, 0.0, 3.0]);
         let dense = stretched(&coarse, [2, 4]);
