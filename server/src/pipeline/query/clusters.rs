@@ -7,9 +7,9 @@
 //! cluster; others join their nearest core, or are floaters and belong to nothing. A cluster of too few
 //! is noise.
 //!
-//! It is done twice. How sure the best of the first clusters is says from which relevancy on a Gaussian is
-//! surely part of something ([`Worth`]); of the second ones only these are cores. Things that stand beside
-//! each other on what is a little like them (chairs on a carpet) would be one thing otherwise.
+//! It is done twice. How sure the best of the first clusters is says from which relevancy on a Gaussian
+//! holds something together; of the second ones only these are cores. Things that stand beside each other
+//! on what is a little like them (chairs on a carpet) would be one thing otherwise.
 
 use super::answer::{Object, ScoredPoint};
 use super::boxes;
@@ -52,16 +52,21 @@ pub(super) struct Worth {
     pub size: f32,
 }
 
+/// Relevancy of a core, as a share of the score that is worth telling: less would hold the carpet and the
+/// chairs together, more would take a chair's seat and back apart.
+const CORE: f32 = 0.5;
+
 impl Worth {
-    /// The least relevancy that is worth anything beside the best cluster.
-    fn least(self, best: f32) -> f32 {
+    /// The relevancy that is so far above the threshold as this share of the best cluster's score, as
+    /// logits.
+    fn above(self, share: f32, best: f32) -> f32 {
         let threshold = logit(self.threshold);
-        1.0 / (1.0 + (-threshold - self.score * (logit(best) - threshold)).exp())
+        1.0 / (1.0 + (-threshold - share * (logit(best) - threshold)).exp())
     }
 
     /// What is left of clusters, best first, and their members.
     fn sifted(self, mut found: Vec<(Object, Vec<usize>)>) -> Vec<(Object, Vec<usize>)> {
-        let least = self.least(best(&found));
+        let least = self.above(self.score, best(&found));
         let largest = found.iter().map(|(object, _)| object.points).max().unwrap_or(0);
         found.retain(|(object, _)| {
             object.score >= least && object.points as f32 >= self.size * largest as f32
@@ -93,7 +98,7 @@ pub(super) fn clustered(relevant: &[Weighted], density: Density, worth: Worth) -
     let near = Neighbours::new(relevant, density.metres);
     let mut is_core = near.cores();
     let at_first = objects(relevant, clusters(&near, &is_core, density.points));
-    let least = worth.least(best(&at_first));
+    let least = worth.above(CORE * worth.score, best(&at_first));
     for (is_core, one) in is_core.iter_mut().zip(relevant) {
         *is_core &= one.point.score >= least;
     }
