@@ -270,6 +270,14 @@ impl Config {
                 expected: "more than ingest.min_depth_metres, which is at least 0",
             });
         }
+        let backdrop = self.mapper.insert_backdrop;
+        if !(backdrop == 0.0 || (backdrop > 1.0 && backdrop.is_finite())) {
+            return Err(ConfigError::OutOfRange {
+                key: "mapper.insert_backdrop",
+                found: backdrop.to_string(),
+                expected: "0, or more than 1: behind what was measured",
+            });
+        }
         let weights = [
             ("tracker.photometric_weight", self.tracker.photometric_weight),
             ("tracker.geometric_weight", self.tracker.geometric_weight),
@@ -435,5 +443,13 @@ mod tests {
         config = Config::default();
         config.ingest.max_depth_metres = f32::NAN;
         assert!(config.check().unwrap_err().to_string().contains("max_depth_metres"));
+        config = Config::default();
+        for before_what_was_measured in [0.8, 1.0, -1.0, f32::NAN] {
+            config.mapper.insert_backdrop = before_what_was_measured;
+            let error = config.check().unwrap_err().to_string();
+            assert!(error.contains("mapper.insert_backdrop"), "{error}");
+        }
+        config.mapper.insert_backdrop = 0.0;
+        config.check().unwrap();
     }
 }
