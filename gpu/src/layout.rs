@@ -128,6 +128,8 @@ constants! {
     LUMA_BLUE: f32 = 0.114;
     /// Depths within this part of each other are one surface.
     DEPTH_AGREEMENT: f32 = 0.05;
+    /// A depth may be this many of its standard deviations off and still be of the same surface.
+    GATE_SIGMAS: f32 = 3.0;
     /// A rendered pixel must be more opaque than this to have an intensity and a depth.
     MIN_OPACITY: f32 = 0.5;
     /// Rows of a normal system: 36 of the matrix, 8 of the gradient, 8 sums.
@@ -365,26 +367,25 @@ structs! {
         reference: Row => "vec4<f32>",
         /// Those of the live level.
         live: Row => "vec4<f32>",
+        /// Robust thresholds of both terms, then residuals of an inlier: intensity, metres.
+        thresholds: Row => "vec4<f32>",
+        /// Largest distance from a surface in metres, smallest cosine between normals, standard
+        /// deviation of a depth of one metre in metres (it grows with the depth squared), 0.
+        gates: Row => "vec4<f32>",
         /// Width and height of the reference, in pixels.
         reference_size: [u32; 2] => "vec2<u32>",
         /// Exposure: factor exp(a) and offset b.
         exposure: [f32; 2] => "vec2<f32>",
         /// Weights of the photometric and of the geometric term.
         weights: [f32; 2] => "vec2<f32>",
-        /// Their robust thresholds: intensity, metres.
-        thresholds: [f32; 2] => "vec2<f32>",
-        /// Largest difference of depths in metres, smallest cosine between normals.
-        gates: [f32; 2] => "vec2<f32>",
         /// Width and height of the live level, in pixels.
         live_size: [u32; 2] => "vec2<u32>",
         /// Number of live pixels that are looked at.
         count: u32 => "u32",
         /// One of so many live pixels is looked at.
         stride: u32 => "u32",
-        /// Standard deviation of a depth of one metre, in metres; it grows with the depth squared.
-        depth_noise: f32 => "f32",
-        /// Fills the struct to 144 bytes.
-        unused: u32 => "u32",
+        /// Fills the struct to 160 bytes.
+        unused: [u32; 2] => "vec2<u32>",
     }
 }
 

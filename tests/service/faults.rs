@@ -16,8 +16,8 @@ const SMEAR: usize = 4;
 const BACK: Range<usize> = 10..25;
 /// Frames that recovery may take.
 const PATIENCE: usize = 3;
-/// Worst error of a believed pose, metres; measured: 0.0131, of a blurred frame.
-const CLOSE: f64 = 0.03;
+/// Worst error of a believed pose, metres; measured: 0.0027, of a blurred frame.
+const CLOSE: f64 = 0.01;
 
 /// A frame that is sent.
 struct Sent {

@@ -8,9 +8,18 @@
 //!   s = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (the slopes are
 //!   smoother than the interpolation's own, which jump wherever pi(q) meets a pixel's centre, as
 //!   it does all over when T is the identity). Accepted where all four have an intensity and the
-//!   nearest reference depth, if there is one, passes the gate. Huber.
+//!   point is on the reference's surface. Huber.
 //! - geometric: r = n_ref . (q - p_ref), J = [n, q x n, 0, 0], point to plane at the nearest
-//!   reference pixel; accepted where its depth and both normals pass their gates. Huber or Cauchy.
+//!   reference pixel; accepted where the point is on the reference's surface. Huber or Cauchy.
+//!
+//! On the surface: at most `depth_gate` and [`GATE_SIGMAS`] of the depth's own noise from the plane
+//! (p_ref, n_ref), with normals that agree. A point that the reference does not see, being behind
+//! something, is not there; nor is one at an edge of depth, which has no normal and whose colours
+//! are mixed. A gate along z would keep both where surfaces are a hand's breadth apart, and
+//! lose floors seen at a low angle: between two pictures that share 70 % it made poses worse by
+//! two orders of magnitude (`BENCHMARKS.md`).
+//!
+//! [`GATE_SIGMAS`]: crate::layout::GATE_SIGMAS
 //!
 //! Perturbation T <- Exp(tau) T, tau = [rho, theta] (metres, radians). A term adds
 //! `weight rho'(r)/r J J^T` to H, `weight rho'(r) J` to g and `weight rho(r)` to its cost. A
@@ -58,26 +67,28 @@ pub enum Robust {
 pub struct AlignSettings {
     /// Of the photometric term, 1 / intensity²; 0 switches it off.
     pub photometric_weight: f64,
-    /// Residual from which the photometric cost grows linearly, and above which a pixel is no
-    /// inlier; intensity.
+    /// Residual from which the photometric cost grows linearly; intensity.
     pub photometric_threshold: f64,
+    /// Residual above which a pixel is no photometric inlier; intensity.
+    pub photometric_agreement: f64,
     /// Of the geometric term, 1 / metres²; 0 switches it off.
     pub geometric_weight: f64,
     /// Standard deviation of a depth of one metre, metres. It grows with the depth squared, as
     /// structured light and stereo measure, and lowers the weight of a point:
     /// 1 / (1 / geometric_weight + (depth_noise z²)²).
     pub depth_noise: f64,
-    /// Residual from which the geometric cost grows slowly, and above which a pixel is no inlier;
-    /// metres.
+    /// Residual from which the geometric cost grows slowly; metres.
     pub geometric_threshold: f64,
+    /// Residual above which a pixel is no geometric inlier; metres.
+    pub geometric_agreement: f64,
     /// How slowly.
     pub geometric_robust: Robust,
-    /// Points farther than this from the reference surface along z are another surface; metres.
-    /// [`Aligner::align`] doubles it with each coarser level.
+    /// Points farther than this from the plane of the reference's surface are another surface;
+    /// metres, beside [`GATE_SIGMAS`](crate::layout::GATE_SIGMAS) of `depth_noise`.
+    /// [`AlignSettings::at_level`] quadruples it with each coarser level.
     pub depth_gate: f64,
     /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
-    /// live pixel must have a normal; a gate of -1 looks at the reference's alone, which is best
-    /// for noisy depth and large motions.
+    /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
     pub normal_gate: f64,
     /// One of so many live pixels is looked at.
     pub stride: u32,
@@ -88,13 +99,15 @@ impl Default for AlignSettings {
     fn default() -> Self {
         Self {
             photometric_weight: 1e3,
-            photometric_threshold: 0.05,
+            photometric_threshold: 0.02,
+            photometric_agreement: 0.05,
             geometric_weight: 1e4,
             depth_noise: 0.0,
-            geometric_threshold: 0.02,
+            geometric_threshold: 0.005,
+            geometric_agreement: 0.02,
             geometric_robust: Robust::Huber,
-            depth_gate: 0.1,
-            normal_gate: -1.0,
+            depth_gate: 0.02,
+            normal_gate: 0.5,
             stride: 1,
         }
     }
@@ -238,13 +251,21 @@ impl Estimate {
 
 impl AlignSettings {
     /// These settings for a coarser level, where the way to go may still be long.
-    fn at_level(self, level: usize) -> Self {
-        Self { depth_gate: self.depth_gate * (1u64 << level.min(32)) as f64, ..self }
+    #[must_use]
+    pub fn at_level(&self, level: usize) -> Self {
+        let wider = 4f64.powi(level.min(8) as i32);
+        Self { depth_gate: self.depth_gate * wider, ..*self }
     }
 
     fn check(&self) -> Result<(), GpuError> {
         let weights = [self.photometric_weight, self.geometric_weight, self.depth_noise];
-        let limits = [self.photometric_threshold, self.geometric_threshold, self.depth_gate];
+        let limits = [
+            self.photometric_threshold,
+            self.photometric_agreement,
+            self.geometric_threshold,
+            self.geometric_agreement,
+            self.depth_gate,
+        ];
         let bad = |expected| {
             let found = format!("{self:?}");
             Err(GpuError::BadValue { what: "align settings", expected, found })
@@ -253,7 +274,7 @@ impl AlignSettings {
             return bad("finite weights and noise of at least 0");
         }
         if !limits.iter().all(|v| v.is_finite() && *v > 0.0) || !self.normal_gate.is_finite() {
-            return bad("finite thresholds and gates above 0");
+            return bad("finite thresholds, agreements and gates above 0");
         }
         if !(1..=64).contains(&self.stride) {
             return bad("a stride of 1 to 64");
@@ -283,12 +304,18 @@ fn arguments(
         reference_size: [reference.camera.width, reference.camera.height],
         exposure: [estimate.exposure[0].exp() as f32, estimate.exposure[1] as f32],
         weights: [settings.photometric_weight as f32, settings.geometric_weight as f32],
-        thresholds: [settings.photometric_threshold as f32, settings.geometric_threshold as f32],
-        gates: [settings.depth_gate as f32, settings.normal_gate as f32],
+        thresholds: [
+            settings.photometric_threshold,
+            settings.geometric_threshold,
+            settings.photometric_agreement,
+            settings.geometric_agreement,
+        ]
+        .map(|threshold| threshold as f32),
+        gates: [settings.depth_gate, settings.normal_gate, settings.depth_noise, 0.0]
+            .map(|gate| gate as f32),
         live_size: [live.camera.width, live.camera.height],
         count: live.camera.pixels() as u32 / settings.stride,
         stride: settings.stride,
-        depth_noise: settings.depth_noise as f32,
-        unused: 0,
+        unused: [0; 2],
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::{AlignSettings, Estimate, NormalSystem, Robust};
-use crate::layout::{FAR, NEAR};
+use crate::layout::{FAR, GATE_SIGMAS, NEAR};
 use crate::pyramid::oracle::{HostLevel, ray};
 
 /// A residual and its derivative by [rho, theta, a, b].
@@ -65,7 +65,16 @@ pub fn pixel(
     let nearest = [0, 1].map(|i| corner[i] + usize::from(part[i] >= 0.5));
     let surface = nearest[1] * size[0] + nearest[0];
     let there = reference.rows[surface][1];
-    let near = (q.z - there).abs() <= settings.depth_gate;
+    let normal = |row: [f64; 4]| Vector3::new(row[0], row[1], row[2]);
+    let (n, own) = (normal(reference.normals[surface]), normal(live.normals[pixel]));
+    let anchor = ray(camera, nearest[0] as f64, nearest[1] as f64) * there;
+    let off = n.dot(&(q - anchor));
+    let noise = settings.depth_noise * q.z.powi(2);
+    let gate = settings.depth_gate + f64::from(GATE_SIGMAS) * noise;
+    let same = there > 0.0
+        && n != Vector3::zeros()
+        && off.abs() <= gate
+        && n.dot(&(pose.rotation * own)) >= settings.normal_gate;
 
     let taps = [tap(0, 0), tap(1, 0), tap(0, 1), tap(1, 1)];
     let mixed = |i: usize| {
@@ -73,19 +82,15 @@ pub fn pixel(
         (1.0 - part[1]) * (a + part[0] * (b - a)) + part[1] * (c + part[0] * (d - c))
     };
     let bright = taps.iter().all(|tap| tap[0] >= 0.0) && intensity >= 0.0;
-    if bright && (near || there <= 0.0) {
+    if bright && same {
         let scaled = [focal[0] * mixed(2) / q.z, focal[1] * mixed(3) / q.z];
         let slope = Vector3::new(scaled[0], scaled[1], -(scaled[0] * q.x + scaled[1] * q.y) / q.z);
         let gain = estimate.exposure[0].exp() * intensity;
         let value = mixed(0) - gain - estimate.exposure[1];
         seen.photometric = Some(residual(value, &q, &slope, [-gain, -1.0]));
     }
-    let normal = |row: [f64; 4]| Vector3::new(row[0], row[1], row[2]);
-    let (n, own) = (normal(reference.normals[surface]), normal(live.normals[pixel]));
-    let agrees = n.dot(&(pose.rotation * own)) >= settings.normal_gate;
-    if agrees && n != Vector3::zeros() && near && there > 0.0 {
-        let anchor = ray(camera, nearest[0] as f64, nearest[1] as f64) * there;
-        seen.geometric = Some(residual(n.dot(&(q - anchor)), &q, &n, [0.0; 2]));
+    if same {
+        seen.geometric = Some(residual(off, &q, &n, [0.0; 2]));
     }
     seen
 }
@@ -105,7 +110,8 @@ pub fn system(
             let limits = (settings.photometric_weight, settings.photometric_threshold);
             sum.photometric_cost += add(&mut sum, &residual, limits, Robust::Huber);
             sum.counts.photometric += 1;
-            sum.counts.photometric_inliers += u32::from(residual.value.abs() <= limits.1);
+            sum.counts.photometric_inliers +=
+                u32::from(residual.value.abs() <= settings.photometric_agreement);
         }
         if let Some(residual) = seen.geometric {
             let noise = settings.depth_noise * seen.depth.powi(2);
@@ -114,7 +120,8 @@ pub fn system(
             let limits = (certain, settings.geometric_threshold);
             sum.geometric_cost += add(&mut sum, &residual, limits, settings.geometric_robust);
             sum.counts.geometric += 1;
-            sum.counts.geometric_inliers += u32::from(residual.value.abs() <= limits.1);
+            sum.counts.geometric_inliers +=
+                u32::from(residual.value.abs() <= settings.geometric_agreement);
         }
     }
     sum

@@ -23,7 +23,7 @@ const DAMPING_RANGE: (f64, f64) = (1e-8, 1e3);
 pub struct Schedule {
     /// Most steps per level, finest first; a level with none is skipped.
     pub steps: Vec<usize>,
-    /// Weights, thresholds and gates; [`super::Aligner::align`] widens the depth gate on coarse levels.
+    /// Weights, thresholds and gates; [`AlignSettings::at_level`] widens them on coarse levels.
     pub settings: AlignSettings,
     /// Whether the exposure is estimated.
     pub with_exposure: bool,

@@ -4,6 +4,8 @@
 //   r_p = I_ref(pi(q)) - (e^a I_live + b)      J = [s, q x s, -e^a I_live, -1], s = dI_ref/dq
 //   r_g = n_ref . (q - p_ref)                  J = [n, q x n, 0, 0]
 // The weight of r_g is 1 / (1 / weight + (depth_noise q.z^2)^2).
+// Both only where the point is on the reference's surface: within the gate of the plane of p_ref, and
+// facing as that does. There is no plane at an edge of depth, where pixels show both sides.
 // I_ref and its slopes are interpolated between four pixels; p_ref and n_ref are the nearest's.
 // T <- Exp(tau) T, tau = [rho, theta]: dq/drho = 1, dq/dtheta = -[q]x.
 // With weight w = (term's weight) rho'(r) / r:  H += w J J^T,  g += w r J,  cost += weight rho(r).
@@ -110,7 +112,16 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let step = select(vec2<u32>(0u), vec2<u32>(1u), part >= vec2<f32>(0.5));
     let nearest = first + step.x + step.y * size.x;
     let depth = select(select(a.y, b.y, step.x > 0u), select(c.y, d.y, step.x > 0u), step.y > 0u);
-    let near = abs(q.z - depth) <= arguments.gates.x;
+    let anchor = vec2<f32>(corner + step) - arguments.reference.zw;
+    let normal = reference_normals[nearest];
+    let off = dot(normal.xyz, q - depth * vec3<f32>(anchor / focal, 1.0));
+    let own = live_normals[pixel].xyz;
+    let turned = vec3<f32>(dot(arguments.pose_x.xyz, own), dot(arguments.pose_y.xyz, own),
+        dot(arguments.pose_z.xyz, own));
+    let noise = arguments.gates.z * q.z * q.z;
+    let same = inside && depth > 0.0 && normal.w > 0.0
+        && abs(off) <= arguments.gates.x + GATE_SIGMAS * noise
+        && dot(turned, normal.xyz) >= arguments.gates.y;
 
     let mixed = mix(mix(a.xzw, b.xzw, part.x), mix(c.xzw, d.xzw, part.x), part.y);
     let gain = arguments.exposure.x * seen.x;
@@ -119,21 +130,13 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let bright = min(min(a.x, b.x), min(c.x, d.x)) >= 0.0 && seen.x >= 0.0;
     let photometric = term(change, q, vec3<f32>(scaled, -dot(scaled, q.xy) * inverse),
         vec2<f32>(-gain, -1.0), huber(change, arguments.thresholds.x),
-        vec2<f32>(arguments.weights.x, arguments.thresholds.x),
-        inside && bright && (near || depth <= 0.0));
+        vec2<f32>(arguments.weights.x, arguments.thresholds.z),
+        same && bright);
 
-    let anchor = vec2<f32>(corner + step) - arguments.reference.zw;
-    let normal = reference_normals[nearest];
-    let own = live_normals[pixel].xyz;
-    let turned = vec3<f32>(dot(arguments.pose_x.xyz, own), dot(arguments.pose_y.xyz, own),
-        dot(arguments.pose_z.xyz, own));
-    let off = dot(normal.xyz, q - depth * vec3<f32>(anchor / focal, 1.0));
-    let noise = arguments.depth_noise * q.z * q.z;
     let certain = arguments.weights.y / (1.0 + arguments.weights.y * noise * noise);
     let geometric = term(off, q, normal.xyz, vec2<f32>(0.0), geometric_robust(off),
-        vec2<f32>(certain, arguments.thresholds.y),
-        inside && near && depth > 0.0 && normal.w > 0.0
-            && dot(turned, normal.xyz) >= arguments.gates.y);
+        vec2<f32>(certain, arguments.thresholds.w),
+        same);
 
     add(sums, photometric);
     add(sums, geometric);

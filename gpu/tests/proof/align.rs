@@ -8,7 +8,7 @@ use lexsplat_gpu::pyramid::oracle::{self as levels, HostLevel};
 use lexsplat_gpu::{AlignSettings, Camera, Estimate, GpuError, NormalSystem, Schedule};
 use nalgebra::{Isometry3, Matrix6, SVector, Vector6};
 
-/// Worst measured 4e-5 (llvmpipe).
+/// Worst measured 1.5e-4 (llvmpipe).
 const SYSTEM_TOLERANCE: f64 = 2e-4;
 
 /// Largest difference of two systems: sums relative to the largest of their kind, and counts.
@@ -197,15 +197,15 @@ fn a_known_motion_is_found() {
     let cauchy = AlignSettings { geometric_robust: Robust::Cauchy, ..huber };
     let photometric = AlignSettings { geometric_weight: 0.0, ..huber };
     let geometric = AlignSettings { photometric_weight: 0.0, ..huber };
-    // Last: the bound, in metres and radians. Measured (llvmpipe), in mm and mrad: 0.13 0.01,
-    // 0.13 0.01, 0.13 0.09, 2.5 0.87 (the picture's rounding to 8 bit), 0.04 0.03, 0.47 0.13.
+    // Last: the bound, in metres and radians. Measured (llvmpipe), in mm and mrad: 0.05 0.02,
+    // 0.04 0.01, 0.02 0.01, 0.33 0.10 (the picture's rounding to 8 bit), 0.05 0.03, 0.06 0.01.
     for (outliers, settings, with_exposure, bound) in [
-        (0.0, huber, true, 3e-4),
-        (0.0, cauchy, true, 3e-4),
-        (0.0, AlignSettings { stride: 4, ..cauchy }, true, 3e-4),
-        (0.0, photometric, true, 5e-3),
-        (0.0, geometric, false, 3e-4),
-        (0.1, cauchy, true, 1e-3),
+        (0.0, huber, true, 2e-4),
+        (0.0, cauchy, true, 2e-4),
+        (0.0, AlignSettings { stride: 4, ..cauchy }, true, 2e-4),
+        (0.0, photometric, true, 1e-3),
+        (0.0, geometric, false, 2e-4),
+        (0.1, cauchy, true, 2e-4),
     ] {
         let (reference, live) = bench.pair((320, 180), 3, outliers);
         let schedule = Schedule { settings, with_exposure, ..Schedule::default() };
@@ -344,7 +344,7 @@ fn what_cannot_be_seen_is_left_to_the_prior() {
     let tau = Vector6::new(0.01, 0.02, 0.03, 0.002, -0.001, 0.003);
     let off = Estimate { reference_from_live: se3::exp(&tau), exposure: [0.0; 2] };
     let schedule = Schedule {
-        settings: AlignSettings { normal_gate: 0.5, ..AlignSettings::default() },
+        settings: AlignSettings { depth_gate: 0.1, ..AlignSettings::default() },
         steps: vec![5, 5],
         with_exposure: false,
         ..Schedule::default()

@@ -19,8 +19,9 @@ use nalgebra::{Isometry3, Matrix6};
 
 /// A robot that knows its pose better than this, metres and radians, is not believed to.
 const FINEST_HINT: f64 = 1e-4;
-/// A wide start may be this much farther from the surface than a narrow one.
-const WIDE_GATE: f64 = 3.0;
+/// A wide start may be this much farther from the surface than a narrow one, turned away from it, and its
+/// residuals pull with their size for so much longer.
+const WIDE: f64 = 5.0;
 
 /// Where to begin.
 #[derive(Clone, Debug)]
@@ -147,7 +148,9 @@ impl Front {
         self.upload(keyframes)?;
         let mut found = self.align_from(scene, (start.pose, start), start.wide, keyframes)?;
         let moved = start.pose.inverse() * found.world_from_camera;
-        let is_far = moved.translation.vector.norm() > self.config.rerender_metres
+        // What a wide start let in is not what a pose should be judged by.
+        let is_far = start.wide
+            || moved.translation.vector.norm() > self.config.rerender_metres
             || moved.rotation.angle() > self.config.rerender_radians;
         if is_far && found.evidence.overlap >= self.config.min_overlap {
             let nearer = Start { exposure: found.exposure, ..start.clone() };
@@ -255,15 +258,25 @@ impl Front {
         let config = &self.config;
         let mut steps = if wide { config.wide_steps.clone() } else { config.steps.clone() };
         steps.truncate(self.levels);
-        let settings = AlignSettings::default();
-        let settings = AlignSettings {
+        let narrow = AlignSettings {
             photometric_weight: config.photometric_weight,
             geometric_weight: config.geometric_weight,
             depth_noise: config.depth_noise,
-            depth_gate: settings.depth_gate * if wide { WIDE_GATE } else { 1.0 },
-            ..settings
+            ..AlignSettings::default()
         };
+        let settings = if wide { widened(&narrow) } else { narrow };
         Schedule { steps, settings, with_exposure: config.exposure, prior, ..Schedule::default() }
+    }
+}
+
+/// For a start that may be far off.
+fn widened(narrow: &AlignSettings) -> AlignSettings {
+    AlignSettings {
+        photometric_threshold: WIDE * narrow.photometric_threshold,
+        geometric_threshold: WIDE * narrow.geometric_threshold,
+        depth_gate: WIDE * narrow.depth_gate,
+        normal_gate: -1.0,
+        ..*narrow
     }
 }
 

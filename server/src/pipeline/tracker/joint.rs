@@ -12,9 +12,7 @@
 //! Exposure is a gain: b stays where it starts. With both free, noise in the pictures makes each
 //! keyframe's contrast a percent too low (regression dilution), and along a walk that adds up.
 
-use lexsplat_gpu::{
-    AlignSettings, Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule,
-};
+use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
 
 /// Information of b, far above what pictures bring.
@@ -47,7 +45,7 @@ pub(super) fn align(
     let seen: Vec<Seen> =
         references.iter().map(|reference| Seen::of(reference, world_from_base)).collect();
     let mut each = |level: usize, estimate: &Estimate| {
-        let settings = at_level(&schedule.settings, level);
+        let settings = schedule.settings.at_level(level);
         let system = |(reference, seen): (&Reference<'_>, &Seen)| {
             let levels = (&reference.pyramid.levels()[level], &live.levels()[level]);
             aligner.system(levels.0, levels.1, &seen.estimate(estimate), &settings)
@@ -113,11 +111,6 @@ impl Seen {
         all.photometric_inliers += one.photometric_inliers;
         all.geometric_inliers += one.geometric_inliers;
     }
-}
-
-/// The depth gate doubles with each coarser level, where the way to go may still be long.
-fn at_level(settings: &AlignSettings, level: usize) -> AlignSettings {
-    AlignSettings { depth_gate: settings.depth_gate * (1u64 << level) as f64, ..*settings }
 }
 
 /// [R, [t]x R; 0, R]: T Exp(tau) = Exp(Ad tau) T for tau = [rho, theta].
