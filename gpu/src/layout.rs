@@ -128,6 +128,8 @@ constants! {
     LUMA_BLUE: f32 = 0.114;
     /// Depths within this part of each other are one surface.
     DEPTH_AGREEMENT: f32 = 0.05;
+    /// Depths on both sides of a pixel that bend by more than this part of it are at an edge.
+    DEPTH_BEND: f32 = 0.01;
     /// A depth may be this many of its standard deviations off and still be of the same surface.
     GATE_SIGMAS: f32 = 3.0;
     /// A rendered pixel must be more opaque than this to have an intensity and a depth.

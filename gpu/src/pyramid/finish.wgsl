@@ -1,7 +1,8 @@
 // What alignment reads of a pixel: (intensity, depth, dI/du, dI/dv) and the unit normal.
 // Slopes are central differences, one-sided at a border or beside a pixel without intensity.
 // n = normalise(P_down-up x P_right-left) points to the camera, P = z ((u - cx)/fx, (v - cy)/fy, 1);
-// 0 at the border, where a neighbour has no depth or differs by more than DEPTH_AGREEMENT.
+// 0 at the border, where a neighbour has no depth or differs by more than DEPTH_AGREEMENT, and at an edge: where
+// the two neighbours' mean is not the pixel's depth (a slanted surface does not bend, a step does).
 
 @group(0) @binding(0) var<uniform> arguments: PyramidArguments;
 @group(0) @binding(1) var<storage, read> bases: array<vec2<f32>>;
@@ -36,7 +37,10 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let near = abs(vec4<f32>(left.y, right.y, up.y, down.y) - vec4<f32>(here.y))
         <= vec4<f32>(DEPTH_AGREEMENT * here.y);
     let squared = dot(normal, normal);
-    let valid = inner && here.y > 0.0 && all(near) && squared > 0.0;
+    // Differences of neighbours first: they are exact.
+    let bend = abs(vec2<f32>((left.y - here.y) + (right.y - here.y), (up.y - here.y) + (down.y - here.y)));
+    let flat = all(bend <= vec2<f32>(DEPTH_BEND * here.y));
+    let valid = inner && here.y > 0.0 && all(near) && flat && squared > 0.0;
     normals[pixel] = select(vec4<f32>(0.0), vec4<f32>(normal * inverseSqrt(squared), 1.0), valid);
 }
 

@@ -1,7 +1,8 @@
 //! Reference, not for production: the levels of a pyramid in f64, with plain loops.
 
 use crate::camera::Camera;
-use crate::layout::{DEPTH_AGREEMENT, LUMA_BLUE, LUMA_GREEN, LUMA_RED, MIN_OPACITY};
+use crate::layout::{DEPTH_AGREEMENT, DEPTH_BEND, LUMA_BLUE, LUMA_GREEN, LUMA_RED, MIN_OPACITY};
+use nalgebra::Vector3;
 
 /// One image at one size, on the host.
 #[derive(Clone, Debug)]
@@ -100,7 +101,10 @@ fn normal(
         return [0.0; 4];
     };
     let normal = (down - up).cross(&(right - left));
-    if normal.norm() > 0.0 {
+    let bends = |a: &Vector3<f64>, b: &Vector3<f64>| {
+        (a.z + b.z - 2.0 * depth).abs() > f64::from(DEPTH_BEND) * depth
+    };
+    if normal.norm() > 0.0 && !bends(&left, &right) && !bends(&up, &down) {
         let n = normal.normalize();
         [n.x, n.y, n.z, 1.0]
     } else {
@@ -109,10 +113,10 @@ fn normal(
 }
 
 /// The point at depth 1 of a pixel.
-pub fn ray(camera: &Camera, u: f64, v: f64) -> nalgebra::Vector3<f64> {
+pub fn ray(camera: &Camera, u: f64, v: f64) -> Vector3<f64> {
     let x = (u - f64::from(camera.cx)) / f64::from(camera.fx);
     let y = (v - f64::from(camera.cy)) / f64::from(camera.fy);
-    nalgebra::Vector3::new(x, y, 1.0)
+    Vector3::new(x, y, 1.0)
 }
 
 fn mean(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
