@@ -140,7 +140,7 @@ impl Default for MapperConfig {
             insert_color_error: 0.1,
             insert_backdrop: 1.25,
             max_gaussians: 400_000,
-            steps_per_keyframe: 32,
+            steps_per_keyframe: 28,
             steps_per_frame: 1,
             window: 8,
             language_every: 4,
@@ -163,11 +163,11 @@ impl Default for LossConfig {
 impl Default for RatesConfig {
     fn default() -> Self {
         Self {
-            mean: 5e-4,
+            mean: 7e-4,
             rotation: 1e-2,
             scale: 2e-2,
             opacity: 0.05,
-            color: 2.5e-3,
+            color: 5e-3,
             language_rotation: 1e-3,
             language_scale: 1.2e-3,
             language_opacity: 0.05,

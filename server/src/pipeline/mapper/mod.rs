@@ -81,6 +81,7 @@ pub(super) fn spawn(
         language_in_flight: 0,
         deferred: VecDeque::new(),
         steps_left: 0,
+        steps_earned: 0,
         steps_done: 0,
         ordered_len: 0,
         farthest_metres: 0.0,
@@ -118,6 +119,8 @@ struct Mapper {
     deferred: VecDeque<Event>,
     /// Optimiser steps that the keyframes so far have earned and not yet had.
     steps_left: usize,
+    /// Steps that were earned since none were left.
+    steps_earned: usize,
     steps_done: usize,
     /// Size of the map when it was last brought into spatial order.
     ordered_len: usize,
@@ -265,7 +268,11 @@ impl Mapper {
         self.tracker.add_keyframe(&frame, &keyframe.working, tracked);
         self.keyframes.push(keyframe);
         self.awaiting_language.push_back(frame);
+        if self.steps_left == 0 {
+            self.steps_earned = 0;
+        }
         self.steps_left += self.config.steps_per_keyframe;
+        self.steps_earned += self.config.steps_per_keyframe;
         Ok(())
     }
 
