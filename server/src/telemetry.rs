@@ -8,6 +8,7 @@ use crate::config::TelemetryConfig;
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use std::io::IsTerminal as _;
 use std::sync::OnceLock;
+use std::time::Instant;
 use tracing_subscriber::EnvFilter;
 
 /// Histogram: seconds a query took, by `edge`.
@@ -20,6 +21,14 @@ pub const DECODE_SECONDS: &str = "lexsplat_decode_seconds";
 pub const FRAME_SECONDS: &str = "lexsplat_frame_seconds";
 /// Histogram: seconds that the networks took for a keyframe.
 pub const LANGUAGE_SECONDS: &str = "lexsplat_language_seconds";
+/// Histogram: seconds that a frame's pose took; next to nothing where it is given.
+pub const TRACKING_SECONDS: &str = "lexsplat_tracking_seconds";
+/// Histogram: seconds that a keyframe's new Gaussians took.
+pub const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
+/// Histogram: seconds that one optimiser step took.
+pub const MAPPING_SECONDS: &str = "lexsplat_mapping_seconds";
+/// Histogram: seconds that the online compressor took for a keyframe, its codes' way into the map included.
+pub const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
 /// Counter: frames that did not pass the checks, by `field`.
 pub const REFUSED: &str = "lexsplat_refused_total";
 /// Gauge: streams that are open.
@@ -83,6 +92,14 @@ pub fn recorder() -> &'static PrometheusHandle {
     })
 }
 
+/// Does the work and records how long it took.
+pub fn timed<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let done = work();
+    metrics::histogram!(stage).record(started.elapsed());
+    done
+}
+
 fn builder() -> Result<PrometheusBuilder, BuildError> {
     PrometheusBuilder::new().set_buckets_for_metric(Matcher::Suffix("_seconds".into()), &BUCKETS)
 }
@@ -96,6 +113,13 @@ fn describe() {
         "Seconds from a decoded frame to its acknowledgement"
     );
     metrics::describe_histogram!(LANGUAGE_SECONDS, "Seconds that the networks took for a keyframe");
+    metrics::describe_histogram!(TRACKING_SECONDS, "Seconds that a frame's pose took");
+    metrics::describe_histogram!(INSERTION_SECONDS, "Seconds that a keyframe's new Gaussians took");
+    metrics::describe_histogram!(MAPPING_SECONDS, "Seconds that one optimiser step took");
+    metrics::describe_histogram!(
+        COMPRESSION_SECONDS,
+        "Seconds that the online compressor took for a keyframe"
+    );
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
     metrics::describe_gauge!(STREAMS, "Streams that are open");
 }

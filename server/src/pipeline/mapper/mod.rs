@@ -22,6 +22,7 @@ use super::frame::{Frame, FrameOutcome};
 use super::map::{Event, Map};
 use super::snapshot::{KeyframeInfo, MapSnapshot};
 use super::tracker::{Scene, Tracked, Tracker, TrackerConfig};
+use crate::telemetry::{COMPRESSION_SECONDS, INSERTION_SECONDS, TRACKING_SECONDS, timed};
 use keyframe::Keyframe;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer, Ties};
 use rand::SeedableRng;
@@ -221,7 +222,7 @@ impl Mapper {
             Event::Language { sequence, map } => {
                 self.language_in_flight -= 1;
                 match map {
-                    Ok(map) => self.write_language(sequence, map),
+                    Ok(map) => timed(COMPRESSION_SECONDS, || self.write_language(sequence, map)),
                     Err(error) => {
                         tracing::error!(sequence, error, "a keyframe stays without language");
                         Ok(())
@@ -236,7 +237,7 @@ impl Mapper {
     fn map_frame(&mut self, frame: Frame) -> Result<FrameOutcome, GpuError> {
         let sequence = frame.sequence;
         let mut scene = Scene { renderer: &mut self.renderer, gaussians: &self.gaussians };
-        let tracked = self.tracker.track(&frame, &mut scene)?;
+        let tracked = timed(TRACKING_SECONDS, || self.tracker.track(&frame, &mut scene))?;
         let mut is_keyframe = false;
         if let Some(tracked) = &tracked {
             is_keyframe = self.is_keyframe(&frame, &tracked.world_from_camera);
@@ -264,7 +265,7 @@ impl Mapper {
 
     fn add_keyframe(&mut self, frame: Frame, tracked: &Tracked) -> Result<(), GpuError> {
         let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
-        self.insert(&keyframe)?;
+        timed(INSERTION_SECONDS, || self.insert(&keyframe))?;
         self.tracker.add_keyframe(&frame, &keyframe.working, tracked);
         self.keyframes.push(keyframe);
         self.awaiting_language.push_back(frame);

@@ -1,6 +1,7 @@
 //! One optimiser step on one view: the one that had the fewest so far, or any.
 
 use super::{Mapper, MapperConfig};
+use crate::telemetry::{MAPPING_SECONDS, timed};
 use lexsplat_gpu::{GpuError, HeadRates, LearningRates, LossWeights, TrainingView};
 use rand::Rng;
 use std::cmp::Reverse;
@@ -12,6 +13,10 @@ const COLD: f32 = 0.05;
 impl Mapper {
     /// Takes one of the steps that are left.
     pub(super) fn optimise_once(&mut self) -> Result<(), GpuError> {
+        timed(MAPPING_SECONDS, || self.step())
+    }
+
+    fn step(&mut self) -> Result<(), GpuError> {
         self.steps_left -= 1;
         let Some(at) = self.draw() else { return Ok(()) };
         self.steps_done += 1;
