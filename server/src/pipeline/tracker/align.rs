@@ -22,6 +22,9 @@ const FINEST_HINT: f64 = 1e-4;
 /// A wide start may be this much farther from the surface than a narrow one, turned away from it, and its
 /// residuals pull with their size for so much longer.
 const WIDE: f64 = 5.0;
+/// Narrow alignments after a wide one, at most; and when the last of them has settled, metres and radians.
+const MOST_NARROW: usize = 4;
+const SETTLED: f64 = 1e-3;
 
 /// Where to begin.
 #[derive(Clone, Debug)]
@@ -147,14 +150,25 @@ impl Front {
     ) -> Result<Candidate, GpuError> {
         self.upload(keyframes)?;
         let mut found = self.align_from(scene, (start.pose, start), start.wide, keyframes)?;
-        let moved = start.pose.inverse() * found.world_from_camera;
-        // What a wide start let in is not what a pose should be judged by.
-        let is_far = start.wide
-            || moved.translation.vector.norm() > self.config.rerender_metres
-            || moved.rotation.angle() > self.config.rerender_radians;
-        if is_far && found.evidence.overlap >= self.config.min_overlap {
+        let way = |from: &Isometry3<f64>, to: &Isometry3<f64>| {
+            let moved = from.inverse() * to;
+            (moved.translation.vector.norm(), moved.rotation.angle())
+        };
+        let (metres, radians) = way(&start.pose, &found.world_from_camera);
+        let is_far = metres > self.config.rerender_metres || radians > self.config.rerender_radians;
+        // What a wide start let in is not what a pose should be judged by: until it has settled.
+        let most = if start.wide { MOST_NARROW } else { usize::from(is_far) };
+        for _ in 0..most {
+            if !(found.evidence.overlap >= self.config.min_overlap) {
+                break;
+            }
             let nearer = Start { exposure: found.exposure, ..start.clone() };
-            found = self.align_from(scene, (found.world_from_camera, &nearer), false, keyframes)?;
+            let from = found.world_from_camera;
+            found = self.align_from(scene, (from, &nearer), false, keyframes)?;
+            let (metres, radians) = way(&from, &found.world_from_camera);
+            if metres < SETTLED && radians < SETTLED {
+                break;
+            }
         }
         Ok(found)
     }
