@@ -159,7 +159,7 @@ impl Front {
         // What a wide start let in is not what a pose should be judged by: until it has settled.
         let most = if start.wide { MOST_NARROW } else { usize::from(is_far) };
         for _ in 0..most {
-            if !(found.evidence.overlap >= self.config.min_overlap) {
+            if found.evidence.overlap < self.config.min_overlap {
                 break;
             }
             let nearer = Start { exposure: found.exposure, ..start.clone() };
