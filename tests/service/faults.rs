@@ -16,7 +16,7 @@ const SMEAR: usize = 4;
 const BACK: Range<usize> = 10..25;
 /// Frames that recovery may take.
 const PATIENCE: usize = 3;
-/// Worst error of a believed pose, metres; measured: 0.0027, of a blurred frame.
+/// Worst error of a believed pose, metres; measured: 0.0026 (llvmpipe).
 const CLOSE: f64 = 0.01;
 
 /// A frame that is sent.

@@ -57,7 +57,7 @@ impl Mapper {
     }
 }
 
-/// What the rates are multiplied by: 1, and less over the last of the steps that were earned without
+/// What the rates of means and of the colour head are multiplied by: 1, and less over the last of the steps that were earned without
 /// a rest, so that the map comes to rest as well (Adam's steps do not get smaller by themselves).
 /// With the next keyframe's steps it is 1 again.
 fn heat(steps_left: usize, steps_earned: usize) -> f32 {

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 /// How poses are estimated where they are not given. The thresholds stand between what was measured
 /// over 300 frames of a real walk (least: overlap 0.80, surface 0.48, intensity 0.83, conditioning 0.005)
-/// and where the loop ended at wrong poses (surface 0.39 with intensity 0.41; of a negative, 0.58 and 0.51).
+/// and where the loop ended at wrong poses (surface 0.39 with intensity 0.41; of a negative, 0.58 and 0.51); measured
+/// before normals were left out where depth bends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackerConfig {
