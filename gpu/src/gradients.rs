@@ -8,7 +8,7 @@ use crate::kernel::Recorder;
 use crate::layout::{HitCount, Row};
 use crate::project::MOVE_ROWS;
 use crate::render::{Cameras, Renderer, check_camera};
-use crate::target::pad_rows;
+use crate::target::{pad_rows, unpad_rows};
 
 /// dL/dparameters of one head.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -114,7 +114,7 @@ impl Renderer {
         let channels = if colour { 3 } else { self.channels };
         Ok(HeadGradient {
             means: means.iter().map(|m| [m[0], m[1], m[2]]).collect(),
-            head: HostHead::from_rows(&geometry, &features, channels),
+            head: HostHead::from_rows(&geometry, unpad_rows(&features, channels), channels),
             pose,
         })
     }

@@ -16,8 +16,8 @@ pub struct ColourTarget {
 pub(crate) struct ColourInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// r, g, b in [0, 1] and depth in metres; a negative value is no measurement.
-    pub(crate) rows: Buffer<Row>,
+    /// r, g, b and whether there is a colour (255), a byte each; then the depth's bits, metres, -1 for none.
+    pub(crate) texels: Buffer<[u32; 2]>,
     pub(crate) colour_pixels: usize,
     pub(crate) depth_pixels: usize,
 }
@@ -65,21 +65,22 @@ impl ColourTarget {
         let pixels = width as usize * height as usize;
         expect_len("rgb8", 3 * pixels, rgb8.len())?;
         expect_len("depth_metres", pixels, depth_metres.len())?;
-        let rows: Vec<Row> = (0..pixels)
+        let is_measured = |depth: f32| depth > 0.0 && depth.is_finite();
+        let texels: Vec<[u32; 2]> = (0..pixels)
             .map(|pixel| {
+                let [r, g, b] = [0, 1, 2].map(|channel| rgb8[3 * pixel + channel]);
+                let colour = if valid(pixel) { [r, g, b, u8::MAX] } else { [0; 4] };
                 let depth = depth_metres[pixel];
-                let depth = if depth > 0.0 && depth.is_finite() { depth } else { -1.0 };
-                let unit = |channel: usize| f32::from(rgb8[3 * pixel + channel]) / 255.0;
-                let colour = if valid(pixel) { [unit(0), unit(1), unit(2)] } else { [-1.0; 3] };
-                [colour[0], colour[1], colour[2], depth]
+                let depth = if is_measured(depth) { depth } else { -1.0 };
+                [u32::from_le_bytes(colour), depth.to_bits()]
             })
             .collect();
         let inner = ColourInner {
             width,
             height,
-            colour_pixels: rows.iter().filter(|row| row[0] >= 0.0).count(),
-            depth_pixels: rows.iter().filter(|row| row[3] > 0.0).count(),
-            rows: Buffer::from_slice(gpu, "colour target", &rows)?,
+            colour_pixels: texels.iter().filter(|[colour, _]| *colour != 0).count(),
+            depth_pixels: depth_metres.iter().filter(|depth| is_measured(**depth)).count(),
+            texels: Buffer::from_slice(gpu, "colour target", &texels)?,
         };
         Ok(Self { inner: Arc::new(inner) })
     }
@@ -91,7 +92,7 @@ impl ColourTarget {
 
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
-        self.inner.rows.size()
+        self.inner.texels.size()
     }
 
     pub(crate) fn inner(&self) -> &ColourInner {

@@ -29,6 +29,8 @@ pub const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
 pub const MAPPING_SECONDS: &str = "lexsplat_mapping_seconds";
 /// Histogram: seconds that the online compressor took for a keyframe, its codes' way into the map included.
 pub const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
+/// Histogram: seconds that readers' copy of the map took.
+pub const SNAPSHOT_SECONDS: &str = "lexsplat_snapshot_seconds";
 /// Counter: frames that did not pass the checks, by `field`.
 pub const REFUSED: &str = "lexsplat_refused_total";
 /// Gauge: streams that are open.
@@ -120,6 +122,7 @@ fn describe() {
         COMPRESSION_SECONDS,
         "Seconds that the online compressor took for a keyframe"
     );
+    metrics::describe_histogram!(SNAPSHOT_SECONDS, "Seconds that readers' copy of the map took");
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
     metrics::describe_gauge!(STREAMS, "Streams that are open");
 }

@@ -2,6 +2,7 @@
 
 mod backpressure;
 mod bad_input;
+mod budget;
 mod bundles;
 mod clock;
 mod end_to_end;

@@ -61,3 +61,52 @@ async fn poses_are_estimated_where_none_are_given() {
     assert!(still > 10.0 * CLOSE, "the robot has walked: {still} m");
     server.stop().await;
 }
+
+/// What a robot without poses sends of some views, after so many frames.
+fn without_poses(robot: &Robot, views: Vec<usize>, after: usize) -> Vec<v1::FrameMessage> {
+    let mut open = robot.open("kept");
+    if let Some(Message::Open(open)) = &mut open.message {
+        open.set_pose_source(v1::PoseSource::Estimated);
+    }
+    let frames = views.into_iter().enumerate().map(|(at, view)| {
+        let mut frame = robot.frame(view);
+        frame.sequence = (after + at) as u64;
+        frame.timestamp_nanos = frame.sequence * 33_333_333;
+        if frame.sequence > 0 {
+            frame.world_from_camera = None;
+        }
+        v1::FrameMessage { message: Some(Message::Frame(frame)) }
+    });
+    std::iter::once(open).chain(frames).collect()
+}
+
+/// The server is started anew while the robot is carried away: it is found in the map that was kept, and
+/// what it says then is in the old map's coordinates.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_finds_itself_in_a_kept_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut config = tiny_config();
+    config.server.data_dir = Some(folder.path().to_owned());
+    let robot = Robot::new(7, FRAMES);
+    let server = Server::start(config.clone()).await;
+    let walk = without_poses(&robot, (0..FRAMES).collect(), 0);
+    server.send(walk).await.expect("the stream ends well");
+    server.stop().await;
+
+    let server = Server::start(config).await;
+    let back: Vec<usize> = (8..20).collect();
+    let acks = server.send(without_poses(&robot, back.clone(), FRAMES)).await;
+    let acks = acks.expect("the stream ends well");
+    assert_eq!(acks[0].received_through, Some(FRAMES as u64 - 1), "the map was kept");
+    let mut worst: f64 = 0.0;
+    for (at, (ack, view)) in acks[1..].iter().zip(back).enumerate() {
+        let status = if at == 0 { FrameStatus::Relocalised } else { FrameStatus::Tracked };
+        assert_eq!(ack.status(), status, "frame {at}");
+        worst = worst.max(error(ack, &robot.poses[view]));
+    }
+    println!("worst {worst:.5} m");
+    assert!(worst < CLOSE, "{worst} m");
+    let end = error(&acks[1], &robot.poses[FRAMES - 1]);
+    assert!(end > 10.0 * CLOSE, "and not where the walk ended: {end} m");
+    server.stop().await;
+}

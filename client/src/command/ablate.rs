@@ -146,6 +146,7 @@ async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) 
         encoder: variant.encoder,
         hold_out_every: None,
         language: true,
+        lpips: None,
     };
     let evaluation = measure_own(plan, dataset.clone(), None, options).await?;
     write(&out, &evaluation)?;

@@ -8,7 +8,7 @@ use super::table::{Align, table};
 use anyhow::{Context as _, Result, bail};
 use indicatif::ProgressBar;
 use lexsplat_client::dataset::{Dataset, DatasetSpec, FrameRange};
-use lexsplat_client::evaluate::{Evaluation, Options, Report, Step, Target, evaluate, plot};
+use lexsplat_client::evaluate::{Evaluation, Lpips, Options, Report, Step, Target, evaluate, plot};
 use lexsplat_client::stream::{Encoder, Poses};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -53,6 +53,10 @@ pub struct Evaluate {
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
+    /// Score pictures with LPIPS as well, by this network: ONNX, two pictures [1, 3, height, width] in -1..1 in,
+    /// one number out; ORT_DYLIB_PATH names ONNX Runtime's library
+    #[arg(long, value_name = "FILE")]
+    lpips: Option<PathBuf>,
     /// Folder for report.json, report.md, plots, pictures and server.log; made if missing
     #[arg(long, value_name = "DIR", default_value = "evaluate-out")]
     out: PathBuf,
@@ -97,6 +101,7 @@ pub async fn run(arguments: &Evaluate) -> Result<()> {
         encoder: arguments.encoder,
         hold_out_every: NonZeroUsize::new(arguments.held_out),
         language: arguments.language,
+        lpips: arguments.lpips.as_deref().map(Lpips::load).transpose()?,
     };
     if let (Some(grpc), Some(http)) = (&arguments.grpc, &arguments.http) {
         let map = arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned());

@@ -7,6 +7,7 @@
 
 mod clouds;
 mod language;
+mod perceptual;
 mod picture;
 mod presence;
 mod recorded;
@@ -22,6 +23,7 @@ pub mod plot;
 
 pub use clouds::{Point, chamfer, earth_movers, resampled};
 pub use language::{ClassScore, LabelMeans, LabelScore, Language, Latency};
+pub use perceptual::{Lpips, LpipsError};
 pub use picture::{DepthError, depth_error, psnr_db, ssim};
 pub use presence::{Bin, Fitted, Judgement, Presence, Reliability};
 pub use report::{Report, Row};
@@ -56,7 +58,7 @@ pub struct Target {
 }
 
 /// What to measure.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub struct Options {
     /// Where the map's poses come from.
     pub poses: Poses,
@@ -67,6 +69,8 @@ pub struct Options {
     pub hold_out_every: Option<NonZeroUsize>,
     /// Whether words are asked, if the data set has masks.
     pub language: bool,
+    /// What says how different pictures look; `None`: nobody is asked.
+    pub lpips: Option<Lpips>,
 }
 
 /// How far an evaluation is.
@@ -157,6 +161,9 @@ pub enum EvaluateError {
         /// Of what the server rendered.
         found: (u32, u32),
     },
+    /// Pictures cannot be compared by the network.
+    #[error(transparent)]
+    Lpips(#[from] LpipsError),
     /// A picture that cannot be decoded.
     #[error("frame {sequence}: a picture cannot be decoded")]
     Picture {
@@ -214,7 +221,7 @@ fn decoded(file: &[u8], sequence: u64) -> Result<DynamicImage, EvaluateError> {
 pub async fn evaluate(
     dataset: Arc<dyn Dataset>,
     target: &Target,
-    options: Options,
+    mut options: Options,
     mut on_step: impl FnMut(Step<'_>),
 ) -> Result<Evaluation, EvaluateError> {
     let client = HttpClient::new(&target.http)?;
@@ -250,7 +257,8 @@ pub async fn evaluate(
 
     let context = Context { client: &client, map: &target.map, dataset: &*recorded };
     let chosen = Chosen::of(&seen, &estimate, &summary, options.hold_out_every);
-    let views = views::score(&context, &chosen.views(), &mut on_step).await?;
+    let lpips = options.lpips.take();
+    let views = views::score(&context, &chosen.views(), lpips, &mut on_step).await?;
     let words = match context.dataset.truth().filter(|_| options.language) {
         Some(truth) => {
             // Poses that were given are in the true world already.

@@ -1,9 +1,10 @@
 //! Rendered against true pictures. In: which frames, a server that renders them, the data set. Out:
-//! PSNR, SSIM and depth error of each frame.
+//! PSNR, SSIM and depth error of each frame, and LPIPS where there is a network for it.
 //!
 //! Held out are every fifth of the tracked frames that are no keyframe: nothing in the map was
 //! optimised for them. They and the keyframes are rendered at the tracked pose, at the frame's size.
 
+use super::perceptual::Lpips;
 use super::picture::{depth_error, psnr_db, ssim};
 use super::{Context, EvaluateError, Step};
 use crate::dataset::{Dataset, RgbdFrame};
@@ -24,6 +25,8 @@ pub struct ViewScore {
     pub psnr_db: f64,
     /// 0 to 1.
     pub ssim: f64,
+    /// Absent without a network.
+    pub lpips: Option<f64>,
     /// Metres; absent if nothing can be compared.
     pub depth_l1_m: Option<f64>,
     /// Of the measured pixels, the share that the map renders.
@@ -39,6 +42,8 @@ pub struct ViewMeans {
     pub psnr_db: Option<f64>,
     /// Mean of the frames' values.
     pub ssim: Option<f64>,
+    /// Mean of the frames' values.
+    pub lpips: Option<f64>,
     /// Mean of the frames' values, metres.
     pub depth_l1_m: Option<f64>,
     /// Mean of the frames' values.
@@ -52,6 +57,7 @@ impl ViewMeans {
             views: views.clone().count(),
             psnr_db: mean(views.clone().map(|view| view.psnr_db)),
             ssim: mean(views.clone().map(|view| view.ssim)),
+            lpips: mean(views.clone().filter_map(|view| view.lpips)),
             depth_l1_m: mean(views.clone().filter_map(|view| view.depth_l1_m)),
             depth_share: mean(views.filter_map(|view| view.depth_share)),
         }
@@ -68,6 +74,7 @@ pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 pub(super) async fn score(
     context: &Context<'_>,
     chosen: &[(usize, bool)],
+    mut lpips: Option<Lpips>,
     on_step: &mut impl FnMut(Step<'_>),
 ) -> Result<Vec<ViewScore>, EvaluateError> {
     let mut scores = Vec::with_capacity(chosen.len());
@@ -88,11 +95,14 @@ pub(super) async fn score(
             return Err(EvaluateError::Size { sequence, expected, found });
         }
         let depth = depth_error(&measured, &depth.values);
+        let lpips =
+            lpips.as_mut().map(|network| network.distance(&truth, &rendered)).transpose()?;
         scores.push(ViewScore {
             sequence,
             keyframe,
             psnr_db: psnr_db(&truth, &rendered),
             ssim: ssim(&truth, &rendered),
+            lpips,
             depth_l1_m: depth.map(|error| error.l1_metres),
             depth_share: depth.map(|error| error.rendered_share),
         });
@@ -127,6 +137,7 @@ mod tests {
             keyframe: false,
             psnr_db,
             ssim: 0.5,
+            lpips: (psnr_db > 25.0).then_some(0.25),
             depth_l1_m,
             depth_share: None,
         };
@@ -134,6 +145,7 @@ mod tests {
         let means = ViewMeans::of(views.iter());
         assert_eq!((means.views, means.psnr_db, means.ssim), (2, Some(25.0), Some(0.5)));
         assert_eq!((means.depth_l1_m, means.depth_share), (Some(0.1), None));
+        assert_eq!(means.lpips, Some(0.25));
         assert_eq!(ViewMeans::of([].iter()), ViewMeans::default());
     }
 }

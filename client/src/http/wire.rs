@@ -271,9 +271,12 @@ pub struct Status {
     pub keyframes: u64,
     /// Gaussians in the map.
     pub gaussians: u64,
-    /// Device memory of the map.
+    /// Device memory of the Gaussians.
     #[serde(default)]
     pub gpu_bytes: u64,
+    /// Memory of the keyframes' pictures and codes.
+    #[serde(default)]
+    pub keyframe_bytes: u64,
     /// Frames that wait.
     pub queue_depth: u64,
     /// Nothing waits and the mapper has done its work on what it has.

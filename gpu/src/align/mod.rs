@@ -90,7 +90,7 @@ pub struct AlignSettings {
     /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
     /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
     pub normal_gate: f64,
-    /// One of so many live pixels is looked at.
+    /// One of so many live pixels is looked at; [`AlignSettings::at_level`] looks at all of a coarser level's.
     pub stride: u32,
 }
 
@@ -250,11 +250,12 @@ impl Estimate {
 }
 
 impl AlignSettings {
-    /// These settings for a coarser level, where the way to go may still be long.
+    /// These settings for a coarser level, where the way to go may still be long and pixels are few.
     #[must_use]
     pub fn at_level(&self, level: usize) -> Self {
         let wider = 4f64.powi(level.min(8) as i32);
-        Self { depth_gate: self.depth_gate * wider, ..*self }
+        let stride = if level == 0 { self.stride } else { 1 };
+        Self { depth_gate: self.depth_gate * wider, stride, ..*self }
     }
 
     fn check(&self) -> Result<(), GpuError> {

@@ -7,7 +7,7 @@ use crate::error::GpuError;
 use crate::gaussians::host::HostHead;
 use crate::gaussians::statistics::Statistics;
 use crate::layout::{Row, rows_for};
-use crate::target::pad_rows;
+use crate::target::{pad_rows, unpad_rows};
 
 /// Words of four bytes per row.
 const ROW_WORDS: usize = 4;
@@ -168,8 +168,17 @@ impl Head {
         channels: usize,
     ) -> Result<HostHead, GpuError> {
         let geometry = self.geometry.values.read(gpu, 2 * len)?;
-        let features = self.features.values.read(gpu, self.features.rows * len)?;
-        Ok(HostHead::from_rows(&geometry, &features, channels))
+        Ok(HostHead::from_rows(&geometry, self.read_features(gpu, len, channels)?, channels))
+    }
+
+    pub(super) fn read_features(
+        &self,
+        gpu: &Gpu,
+        len: usize,
+        channels: usize,
+    ) -> Result<Vec<f32>, GpuError> {
+        let rows = self.features.values.read(gpu, self.features.rows * len)?;
+        Ok(unpad_rows(&rows, channels))
     }
 
     fn grow(&mut self, growth: &Growth<'_>, label: &str) -> Result<(), GpuError> {

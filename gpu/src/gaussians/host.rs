@@ -2,7 +2,6 @@
 
 use crate::error::{GpuError, expect_len};
 use crate::layout::Row;
-use crate::target::unpad_rows;
 
 /// Gaussians in host memory, in structure-of-arrays form.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,13 +63,13 @@ impl HostHead {
         self.rotations.iter().copied().zip(shapes).flat_map(|(q, shape)| [q, shape]).collect()
     }
 
-    pub(crate) fn from_rows(geometry: &[Row], features: &[Row], channels: usize) -> Self {
+    pub(crate) fn from_rows(geometry: &[Row], features: Vec<f32>, channels: usize) -> Self {
         let shapes = || geometry.iter().skip(1).step_by(2);
         Self {
             rotations: geometry.iter().step_by(2).copied().collect(),
             log_scales: shapes().map(|s| [s[0], s[1], s[2]]).collect(),
             opacity_logits: shapes().map(|s| s[3]).collect(),
-            features: unpad_rows(features, channels),
+            features,
             channels,
         }
     }

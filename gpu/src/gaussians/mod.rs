@@ -112,6 +112,15 @@ impl Gaussians {
         Ok(means.iter().map(|m| [m[0], m[1], m[2]]).collect())
     }
 
+    /// Reads the language codes back, `len` x channels; a part of [`Gaussians::to_host`].
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn read_language_features(&self) -> Result<Vec<f32>, GpuError> {
+        let Some(arrays) = &self.arrays else { return Ok(Vec::new()) };
+        arrays.language.read_features(&self.gpu, self.len, self.channels)
+    }
+
     /// Replaces all language codes (`len` x channels) and starts their moments afresh.
     ///
     /// # Errors

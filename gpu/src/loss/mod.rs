@@ -126,15 +126,15 @@ impl Loss {
     ) {
         let target = target.inner();
         let arguments = LossArguments {
-            count: target.rows.len() as u32,
+            count: target.texels.len() as u32,
             rows: 1,
             first: share(weights.colour, 3 * target.colour_pixels),
             second: share(weights.depth, target.depth_pixels),
             exposure,
             unused: [0.0; 2],
         };
-        let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
-        recorder.dispatch_threads(&self.colour, &arguments, &buffers, target.rows.len());
+        let buffers: [&wgpu::Buffer; 4] = [image, &target.texels, gradients, terms];
+        recorder.dispatch_threads(&self.colour, &arguments, &buffers, target.texels.len());
     }
 
     /// dL/dimage into `gradients`, the term of each pixel into `terms` (language, 0, 0, 0).

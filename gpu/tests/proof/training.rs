@@ -259,6 +259,56 @@ fn a_step_reports_pose_and_exposure_gradients() {
     }
 }
 
+/// A look reports what a step on the same view reports, and moves neither parameters nor moments: behind
+/// it, or behind steps that nobody waited for, or where its list overflows.
+#[test]
+fn a_look_finds_what_a_step_finds_and_moves_nothing() {
+    let gpu = support::gpu();
+    let scene = support::scene(11, 200, 15, 0.12);
+    let targets = Targets::new(&gpu, &scene);
+    let before = disturbed(&scene);
+    let exposure = [0.1f32, -0.02];
+    let view = TrainingView { exposure, ..targets.view(true, false) };
+    let seen = (&targets.camera, &targets.colour);
+    let rates = LearningRates::default();
+    let steps = 3;
+    // Behind some steps: a look (or none), then what the next step finds and where everything is.
+    let run = |hits, look: bool| {
+        let mut renderer = Renderer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
+        let mut gaussians = map(&gpu, &before);
+        for _ in 0..steps {
+            renderer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
+        }
+        let looked = look.then(|| renderer.look(&gaussians, seen, exposure, &DATA).expect("looks"));
+        renderer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
+        let report = renderer.last_report(&mut gaussians).expect("reads");
+        (looked, report, gaussians.to_host().expect("reads"))
+    };
+    let (_, wanted, wanted_map) = run(1 << 16, false);
+    for hits in [1 << 16, 300] {
+        let (looked, report, moved) = run(hits, true);
+        assert_eq!(looked, Some(wanted), "what the step behind it finds, {hits} hits");
+        assert_eq!((report, &moved), (wanted, &wanted_map), "as if nobody had looked");
+    }
+    assert_ne!(wanted.pose_gradient, [0.0; 6]);
+
+    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let gaussians = map(&gpu, &before);
+    let first = renderer.look(&gaussians, seen, exposure, &DATA).expect("looks");
+    assert_eq!(gaussians.to_host().expect("reads"), before, "a look alone moves nothing");
+    assert_ne!(first, wanted, "steps change what a look finds");
+    let plain = renderer.look(&gaussians, seen, [0.0; 2], &DATA).expect("looks");
+    assert_ne!(first, plain, "and so does exposure");
+    let isotropic = LossWeights { isotropic: 10.0, tie: 5.0, ..DATA };
+    let same = renderer.look(&gaussians, seen, exposure, &isotropic).expect("looks");
+    assert_eq!(same.losses, first.losses, "only pictures are compared");
+    let empty = Gaussians::new(&gpu, 15);
+    let nothing = renderer.look(&empty, seen, exposure, &DATA).expect("looks");
+    assert_eq!(nothing, lexsplat_gpu::StepReport::default());
+    let wrong = targets.camera.resized(30, 20);
+    assert!(renderer.look(&gaussians, (&wrong, &targets.colour), exposure, &DATA).is_err());
+}
+
 /// A list that overflows in the middle of a sequence loses no step: the same losses, step by step.
 #[test]
 fn a_step_that_overflows_is_taken_again() {

@@ -95,7 +95,7 @@ fn memory(status: &str) -> String {
 type Number = fn(&MapStatus) -> u64;
 
 /// Name, kind, meaning and value of each number of a map.
-const OF_MAP: [(&str, &str, &str, Number); 13] = [
+const OF_MAP: [(&str, &str, &str, Number); 14] = [
     ("frames_received_total", "counter", "Frames that passed the checks", |s| s.frames_received),
     ("frames_tracked_total", "counter", "Frames with a pose", |s| s.frames_tracked),
     ("frames_lost_total", "counter", "Frames without a pose", |s| s.frames_lost),
@@ -105,7 +105,8 @@ const OF_MAP: [(&str, &str, &str, Number); 13] = [
     }),
     ("keyframes", "gauge", "Keyframes", |s| s.keyframes),
     ("gaussians", "gauge", "Gaussians", |s| s.gaussians),
-    ("gpu_bytes", "gauge", "Device memory", |s| s.gpu_bytes),
+    ("gpu_bytes", "gauge", "Device memory of the Gaussians", |s| s.gpu_bytes),
+    ("keyframe_bytes", "gauge", "Memory of keyframes' pictures and codes", |s| s.keyframe_bytes),
     ("revision", "gauge", "The newest snapshot", |s| s.revision),
     ("olae_version", "gauge", "Version of the online compressor", |s| s.olae_version),
     ("queue_depth", "gauge", "Frames that wait", |s| s.queue_depth as u64),

@@ -34,7 +34,10 @@ pub(super) struct Status {
     frames_refused: u64,
     keyframes: u64,
     gaussians: u64,
+    /// Device memory of the Gaussians.
     gpu_bytes: u64,
+    /// Memory of the keyframes' pictures and codes, the device's too.
+    keyframe_bytes: u64,
     /// "empty", "tracking" or "lost".
     tracking_state: &'static str,
     /// Version of the online language compressor.
@@ -61,6 +64,7 @@ impl From<MapStatus> for Status {
             keyframes: status.keyframes,
             gaussians: status.gaussians,
             gpu_bytes: status.gpu_bytes,
+            keyframe_bytes: status.keyframe_bytes,
             tracking_state: status.tracking_state.as_str(),
             olae_version: status.olae_version,
             queue_depth: status.queue_depth,

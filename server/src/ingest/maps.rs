@@ -37,6 +37,7 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
         keyframes: status.keyframes,
         gaussians: status.gaussians,
         gpu_bytes: status.gpu_bytes,
+        keyframe_bytes: status.keyframe_bytes,
         tracking_state: status.tracking_state.as_str().into(),
         olae_version: status.olae_version,
         queue_depth: u32::try_from(status.queue_depth).unwrap_or(u32::MAX),

@@ -115,8 +115,10 @@ pub struct MapStatus {
     pub keyframes: u64,
     /// Gaussians.
     pub gaussians: u64,
-    /// Device memory of the map.
+    /// Device memory of the Gaussians.
     pub gpu_bytes: u64,
+    /// Memory of the keyframes' pictures and codes, the device's too.
+    pub keyframe_bytes: u64,
     /// What the tracker says.
     pub tracking_state: TrackingState,
     /// Version of the online compressor.
@@ -133,8 +135,17 @@ pub struct MapStatus {
 
 /// What the mapper's thread is told.
 pub(super) enum Event {
-    Frame { frame: Frame, permit: OwnedSemaphorePermit, reply: oneshot::Sender<FrameOutcome> },
-    Language { sequence: u64, map: Result<super::encoder::LanguageMap, String> },
+    Frame {
+        frame: Frame,
+        /// Which of the map's senders it is of: 1, 2, 3 …
+        sender: u64,
+        permit: OwnedSemaphorePermit,
+        reply: oneshot::Sender<FrameOutcome>,
+    },
+    Language {
+        sequence: u64,
+        map: Result<super::encoder::LanguageMap, String>,
+    },
     Stop,
 }
 
@@ -149,6 +160,7 @@ pub(super) struct Counters {
     pub keyframes: AtomicU64,
     pub gaussians: AtomicU64,
     pub gpu_bytes: AtomicU64,
+    pub keyframe_bytes: AtomicU64,
     pub olae_version: AtomicU64,
     /// Frames accepted and not yet answered, plus work left: 0 is settled.
     pub unsettled: AtomicU64,
@@ -162,6 +174,8 @@ struct Shared {
     intrinsics: Option<Intrinsics>,
     received_through: Option<u64>,
     has_sender: bool,
+    /// How many there were so far.
+    senders: u64,
     next_event: u64,
 }
 
@@ -199,6 +213,7 @@ impl Map {
                 intrinsics: None,
                 received_through: None,
                 has_sender: false,
+                senders: 0,
                 next_event: 1,
             }),
         };
@@ -234,7 +249,8 @@ impl Map {
         (self.queue_capacity - self.frame_slots.available_permits(), self.queue_capacity)
     }
 
-    /// Becomes the map's one sender until the returned guard is dropped.
+    /// Becomes the map's one sender until the returned guard is dropped. Where its camera is, is not
+    /// known from where the last one's was: poses that are not given are found in the map.
     ///
     /// # Errors
     /// [`MapError::Busy`] if there is one; [`MapError::OtherCamera`] if the map has frames of a
@@ -255,6 +271,7 @@ impl Map {
             });
         }
         shared.has_sender = true;
+        shared.senders += 1;
         Ok(SenderGuard { map: self.clone() })
     }
 
@@ -272,8 +289,9 @@ impl Map {
             .expect("the semaphore of a map is never closed");
         let (reply, outcome) = oneshot::channel();
         let (sequence, intrinsics) = (frame.sequence, frame.intrinsics);
+        let sender = self.shared().senders;
         self.counters.unsettled.fetch_add(1, Ordering::AcqRel);
-        if self.events_in.send(Event::Frame { frame, permit, reply }).await.is_err() {
+        if self.events_in.send(Event::Frame { frame, sender, permit, reply }).await.is_err() {
             self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
             let reason = self.shared().failure.clone().unwrap_or_else(|| "it was stopped".into());
             return Err(MapError::Failed { name: self.name.clone(), reason });
@@ -309,6 +327,7 @@ impl Map {
             keyframes: read(&counters.keyframes),
             gaussians: read(&counters.gaussians),
             gpu_bytes: read(&counters.gpu_bytes),
+            keyframe_bytes: read(&counters.keyframe_bytes),
             tracking_state: shared.tracking,
             olae_version: read(&counters.olae_version),
             queue_depth,

@@ -93,6 +93,11 @@ impl Working {
         (z - measured).abs() <= SAME_POINT * measured
     }
 
+    /// Memory of colours and depths.
+    pub fn bytes(&self) -> u64 {
+        (self.rgb.len() + size_of_val(&self.depth_metres[..])) as u64
+    }
+
     /// Takes the picture to another pose.
     pub fn place(&mut self, world_from_camera: &Isometry3<f64>) {
         self.camera.camera_from_world = world_from_camera.inverse().cast();

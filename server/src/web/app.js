@@ -126,7 +126,7 @@ function drawStatus(status) {
     chip('gaussians', count(status.gaussians)),
     chip('queue', `${status.queue_depth} / ${status.queue_capacity}`),
     chip('revision', count(status.revision)),
-    chip('memory', `${(status.gpu_bytes / 2 ** 20).toFixed(0)} MiB`),
+    chip('memory', `${((status.gpu_bytes + status.keyframe_bytes) / 2 ** 20).toFixed(0)} MiB`),
     chip('mapper', status.settled ? 'settled' : 'working'),
   ];
   if (status.frames_refused) chips.push(chip('refused', count(status.frames_refused), 'bad'));

@@ -268,6 +268,7 @@ mod tests {
             keyframe,
             psnr_db,
             ssim: 1.0,
+            lpips: None,
             depth_l1_m: None,
             depth_share: None,
         };

@@ -30,7 +30,8 @@ pub(super) fn of(report: &Report) -> Vec<Row> {
         ),
         row("keyframes", report.keyframes.to_string(), none()),
         row("Gaussians", report.gaussians.to_string(), none()),
-        row("device memory of the map, MiB", mebibytes(Some(report.gpu_bytes)), none()),
+        row("device memory of the Gaussians, MiB", mebibytes(Some(report.gpu_bytes)), none()),
+        row("memory of the keyframes, MiB", mebibytes(Some(report.keyframe_bytes)), none()),
         row("peak memory of the server, MiB", mebibytes(report.peak_rss_bytes), none()),
         row("ATE RMSE, cm", ate(report), format!("{} (tracked)", PAPER.ate_rmse_cm)),
     ];
@@ -50,12 +51,19 @@ pub(super) fn of(report: &Report) -> Vec<Row> {
                 decimals(means.ssim, 4),
                 paper(PAPER.ssim),
             ),
-            row(
-                name("depth L1 held out, m", "depth L1 keyframes, m"),
-                decimals(means.depth_l1_m, 4),
-                none(),
-            ),
         ]);
+        if let Some(lpips) = means.lpips {
+            rows.push(row(
+                name("LPIPS held out", "LPIPS keyframes"),
+                decimals(Some(lpips), 4),
+                paper(PAPER.lpips),
+            ));
+        }
+        rows.extend([row(
+            name("depth L1 held out, m", "depth L1 keyframes, m"),
+            decimals(means.depth_l1_m, 4),
+            none(),
+        )]);
     }
     rows.extend(report.language.iter().flat_map(language_rows));
     rows.extend(report.space.iter().flat_map(space_rows));

@@ -32,10 +32,15 @@ pub struct MapperConfig {
     pub insert_depth_error: f32,
     /// Insert where the mean absolute colour error is above this (0..1).
     pub insert_color_error: f32,
+    /// Where so many keyframes have shown a place from as near, only what is open is filled any more.
+    pub insert_keyframes: usize,
     /// What has colour and no depth is put so many times as far as the farthest thing measured; 0: nowhere.
     pub insert_backdrop: f32,
-    /// Gaussians at most; then nothing is inserted any more.
+    /// Gaussians at most; then nothing is inserted any more, and what is there goes on being improved.
     pub max_gaussians: usize,
+    /// Mebibytes that keyframes' pictures and codes take at most, the device's too; then the keyframe that
+    /// others show best is let go. Its Gaussians stay.
+    pub max_keyframe_mib: u64,
     /// Optimiser steps that each keyframe earns; taken when no frame waits.
     pub steps_per_keyframe: usize,
     /// Steps that are taken behind each frame even when others wait.
@@ -138,8 +143,10 @@ impl Default for MapperConfig {
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
             insert_color_error: 0.1,
+            insert_keyframes: 8,
             insert_backdrop: 1.25,
             max_gaussians: 400_000,
+            max_keyframe_mib: 2048,
             steps_per_keyframe: 28,
             steps_per_frame: 1,
             window: 8,

@@ -26,6 +26,8 @@ pub(super) struct Keyframe {
     pub target: ColourTarget,
     /// Whether its pose is the tracker's own, so that it may be refined.
     pub is_estimated: bool,
+    /// Memory of the tracker's own picture of it.
+    pub tracker_bytes: u64,
     /// Of its pose's and exposure's refinement.
     pub moments: Moments,
     /// Optimiser steps on it so far.
@@ -72,10 +74,21 @@ impl Keyframe {
             working,
             target,
             is_estimated: tracked.is_estimated,
+            tracker_bytes: 0,
             moments: Moments::default(),
             steps: 0,
             generic: None,
         })
+    }
+
+    /// Memory of its pictures and codes, the device's too.
+    pub fn bytes(&self) -> u64 {
+        let generic = self.generic.as_ref().map_or(0, |generic| {
+            size_of_val(&generic.codes[..]) as u64 + generic.target.device_bytes()
+        });
+        let is_shared = Arc::ptr_eq(&self.rgb, &self.working.rgb);
+        let full = if is_shared { 0 } else { self.rgb.len() as u64 };
+        full + self.working.bytes() + self.tracker_bytes + self.target.device_bytes() + generic
     }
 
     /// Moves it to another pose.
@@ -104,7 +117,8 @@ impl Keyframe {
 impl Mapper {
     /// Whether the frame shows enough that no keyframe of the window shows, or was taken from far enough
     /// away; never of a frame that is held out. Every keyframe gets language, so that what is new in
-    /// colour is new in language (paper §5 asks for both).
+    /// colour is new in language (paper §4.3 asks for both). Asked of every keyframe with
+    /// language, however old, there were fewer keyframes, and a lost camera believed a wrong place (measured).
     pub(super) fn is_keyframe(&self, frame: &Frame, pose: &Isometry3<f64>) -> bool {
         if frame.held_out {
             return false;
@@ -118,34 +132,33 @@ impl Mapper {
         {
             return true;
         }
-        let sample = Sample::of(frame, pose);
+        let sample = Sample::of(&frame.intrinsics.camera(pose), &frame.depth_metres, SAMPLES);
         let newest = self.keyframes.iter().rev().take(self.config.window.max(1));
-        sample.novelty(newest) > self.config.keyframe_novelty
+        sample.novelty(newest.map(|keyframe| &keyframe.working)) > self.config.keyframe_novelty
     }
 }
 
-/// Points of a frame's surface in the world.
-struct Sample(Vec<Point3<f32>>);
+/// Points of a picture's surface in the world.
+pub(super) struct Sample(Vec<Point3<f32>>);
 
 impl Sample {
-    /// About a thousand, evenly spread.
-    fn of(frame: &Frame, world_from_camera: &Isometry3<f64>) -> Self {
-        let camera = frame.intrinsics.camera(world_from_camera);
+    /// About so many, evenly spread.
+    pub fn of(camera: &Camera, depth_metres: &[f32], points: f64) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
-        let stride = ((width * height) as f64 / SAMPLES).sqrt().ceil().max(1.0) as usize;
+        let stride = ((width * height) as f64 / points).sqrt().ceil().max(1.0) as usize;
         let grid = |size| (stride / 2..size).step_by(stride);
         let points = grid(height).flat_map(|row| grid(width).map(move |column| (column, row)));
         let points = points.filter_map(|(column, row)| {
-            let depth = frame.depth_metres[row * width + column];
+            let depth = depth_metres[row * width + column];
             (depth > 0.0).then(|| camera.unproject(column as f32, row as f32, depth))
         });
         Self(points.collect())
     }
 
-    /// The share of the points that none of the keyframes shows, 0 to 1.
-    fn novelty<'a>(&self, keyframes: impl Iterator<Item = &'a Keyframe>) -> f64 {
-        let keyframes: Vec<&Working> = keyframes.map(|keyframe| &keyframe.working).collect();
-        let is_new = |point: &&Point3<f32>| !keyframes.iter().any(|seen| seen.shows(point));
+    /// The share of the points that none of the pictures shows, 0 to 1.
+    pub fn novelty<'a>(&self, pictures: impl Iterator<Item = &'a Working>) -> f64 {
+        let pictures: Vec<&Working> = pictures.collect();
+        let is_new = |point: &&Point3<f32>| !pictures.iter().any(|seen| seen.shows(point));
         self.0.iter().filter(is_new).count() as f64 / self.0.len().max(1) as f64
     }
 }
@@ -164,8 +177,33 @@ fn median_depth(depth_metres: &[f32]) -> Option<f32> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    /// A wall 2 m away, of which this shows two metres, from so many metres to the right.
+    pub fn wall(metres: f32) -> Working {
+        let camera = Camera {
+            width: 40,
+            height: 30,
+            fx: 40.0,
+            fy: 40.0,
+            cx: 19.5,
+            cy: 14.5,
+            camera_from_world: Isometry3::translation(-metres, 0.0, 0.0),
+        };
+        Working { camera, rgb: vec![128; 3600].into(), depth_metres: vec![2.0; 1200].into() }
+    }
+
+    #[test]
+    fn what_no_picture_shows_is_new() {
+        let here = wall(0.0);
+        let sample = Sample::of(&here.camera, &here.depth_metres, SAMPLES);
+        let (near, half, far) = (wall(0.1), wall(1.0), wall(5.0));
+        let novelty = |pictures: &[&Working]| sample.novelty(pictures.iter().copied());
+        assert_eq!((novelty(&[]), novelty(&[&far])), (1.0, 1.0));
+        assert!(novelty(&[&far, &near]) < 0.1);
+        assert!((novelty(&[&half]) - 0.5).abs() < 0.1, "half of it");
+    }
 
     #[test]
     fn the_median_ignores_holes() {

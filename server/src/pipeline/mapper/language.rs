@@ -10,7 +10,7 @@ use super::super::encoder::LanguageMap;
 use super::Mapper;
 use super::keyframe::{GenericCodes, Keyframe};
 use half::f16;
-use lexsplat_gpu::{Camera, GpuError, HostGaussians, LanguageTarget};
+use lexsplat_gpu::{Camera, GpuError, LanguageTarget};
 use nalgebra::Point3;
 
 impl Mapper {
@@ -26,19 +26,20 @@ impl Mapper {
         let old = self.online.boxed_clone();
         let advanced = self.online.observe(&map.codes);
         self.renderer.settle(&mut self.gaussians)?;
-        let mut host = self.gaussians.to_host()?;
+        let (means, mut codes) =
+            (self.gaussians.read_means()?, self.gaussians.read_language_features()?);
         if advanced {
-            carry_over(old.as_ref(), self.online.as_ref(), &mut host.language.features);
+            carry_over(old.as_ref(), self.online.as_ref(), &mut codes);
         }
         let online_codes = self.online.encode(&map.codes);
         let camera = self.keyframes[at].working.camera.resized(map.width, map.height);
         let born = give_birth(
-            &mut host,
+            (&means, &mut codes),
             &self.keyframes[at],
             &CodeMap { camera: &camera, codes: &online_codes, channels: self.online.code_size() },
         );
         if advanced || born > 0 {
-            self.gaussians.set_language_features(&host.language.features)?;
+            self.gaussians.set_language_features(&codes)?;
         }
         let target = LanguageTarget::new(
             &self.gpu,
@@ -55,6 +56,7 @@ impl Mapper {
             target,
             version: self.online.version(),
         });
+        self.keep_to_budget();
         self.changed = true;
         Ok(())
     }
@@ -84,11 +86,14 @@ struct CodeMap<'a> {
 
 /// Gives every Gaussian without language that the keyframe shows the code of its pixel; returns how
 /// many there were.
-fn give_birth(host: &mut HostGaussians, keyframe: &Keyframe, map: &CodeMap<'_>) -> usize {
+fn give_birth(
+    (means, codes): (&[[f32; 3]], &mut [f32]),
+    keyframe: &Keyframe,
+    map: &CodeMap<'_>,
+) -> usize {
     let working = &keyframe.working;
     let mut born = 0;
-    let codes = host.language.features.chunks_exact_mut(map.channels);
-    for (mean, code) in host.means.iter().zip(codes) {
+    for (mean, code) in means.iter().zip(codes.chunks_exact_mut(map.channels)) {
         if code.iter().any(|value| *value != 0.0) {
             continue;
         }

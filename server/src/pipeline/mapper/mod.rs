@@ -4,6 +4,7 @@
 //! One named thread per map owns the live Gaussians. It never waits for the networks: language is
 //! written into the map when it arrives. It must not know who asked or how frames came in.
 
+mod budget;
 mod config;
 mod insert;
 mod keyframe;
@@ -22,7 +23,9 @@ use super::frame::{Frame, FrameOutcome};
 use super::map::{Event, Map};
 use super::snapshot::{KeyframeInfo, MapSnapshot};
 use super::tracker::{Scene, Tracked, Tracker, TrackerConfig};
-use crate::telemetry::{COMPRESSION_SECONDS, INSERTION_SECONDS, TRACKING_SECONDS, timed};
+use crate::telemetry::{
+    COMPRESSION_SECONDS, INSERTION_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
+};
 use keyframe::Keyframe;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer, Ties};
 use rand::SeedableRng;
@@ -91,6 +94,7 @@ pub(super) fn spawn(
         changed: false,
         moved: false,
         published_at: Instant::now(),
+        sender: 0,
         rng: ChaCha8Rng::seed_from_u64(REPLAY_SEED),
     };
     let thread = std::thread::Builder::new()
@@ -134,6 +138,8 @@ struct Mapper {
     /// Frames were tracked that readers do not know of.
     moved: bool,
     published_at: Instant,
+    /// Whose frames came last.
+    sender: u64,
     rng: ChaCha8Rng,
 }
 
@@ -204,12 +210,15 @@ impl Mapper {
 
     fn handle(&mut self, event: Event) -> Result<(), GpuError> {
         match event {
-            Event::Frame { frame, permit, reply } => {
+            Event::Frame { frame, sender, permit, reply } => {
                 drop(permit);
                 if self.map.failure().is_some() {
                     self.map.counters.dropped.fetch_add(1, Ordering::Relaxed);
                     self.map.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
                     return Ok(());
+                }
+                if std::mem::replace(&mut self.sender, sender) != sender {
+                    self.tracker.resume();
                 }
                 let outcome = self.map_frame(frame)?;
                 self.map.finish_frame(&outcome);
@@ -264,10 +273,11 @@ impl Mapper {
     }
 
     fn add_keyframe(&mut self, frame: Frame, tracked: &Tracked) -> Result<(), GpuError> {
-        let keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
+        let mut keyframe = Keyframe::new(&self.gpu, tracked, &frame, self.config.train_width)?;
         timed(INSERTION_SECONDS, || self.insert(&keyframe))?;
-        self.tracker.add_keyframe(&frame, &keyframe.working, tracked);
+        keyframe.tracker_bytes = self.tracker.add_keyframe(&frame, &keyframe.working, tracked);
         self.keyframes.push(keyframe);
+        self.keep_to_budget();
         self.awaiting_language.push_back(frame);
         if self.steps_left == 0 {
             self.steps_earned = 0;
@@ -285,7 +295,7 @@ impl Mapper {
         let due =
             self.published_at.elapsed() >= Duration::from_secs_f64(self.config.snapshot_seconds);
         if (self.changed || self.moved) && (idle || due) {
-            self.publish()?;
+            timed(SNAPSHOT_SECONDS, || self.publish())?;
         }
         self.map.counters.working.store(!idle, Ordering::Release);
         Ok(())
@@ -326,6 +336,7 @@ impl Mapper {
         counters.keyframes.store(self.keyframes.len() as u64, Ordering::Relaxed);
         counters.gaussians.store(self.gaussians.len() as u64, Ordering::Relaxed);
         counters.gpu_bytes.store(self.gaussians.device_bytes(), Ordering::Relaxed);
+        counters.keyframe_bytes.store(self.keyframe_bytes(), Ordering::Relaxed);
         counters.olae_version.store(self.online.version(), Ordering::Relaxed);
         self.map.publish(MapSnapshot {
             map: self.map.name().to_owned(),

@@ -10,7 +10,7 @@ use nalgebra::Isometry3;
 struct Entry {
     sequence: u64,
     timestamp_nanos: u64,
-    /// The keyframe's index, and the pose in it; in the world while there is no keyframe.
+    /// The keyframe's index, and the pose in it; in the world if there is none (any more).
     keyframe: Option<usize>,
     keyframe_from_camera: Isometry3<f64>,
     exposure: [f32; 2],
@@ -47,6 +47,24 @@ impl Trajectory {
             keyframe_from_camera,
             exposure,
         });
+    }
+
+    /// A keyframe is let go: the frames that were tracked after it stay where they are.
+    pub fn forget(&mut self, keyframe: usize, frame: &TrackedFrame) {
+        for entry in &mut self.entries {
+            match entry.keyframe {
+                Some(at) if at == keyframe => {
+                    entry.keyframe_from_camera =
+                        frame.world_from_camera * entry.keyframe_from_camera;
+                    entry.keyframe = None;
+                    if entry.sequence == frame.sequence {
+                        entry.exposure = frame.exposure;
+                    }
+                }
+                Some(at) if at > keyframe => entry.keyframe = Some(at - 1),
+                _ => {}
+            }
+        }
     }
 
     /// All frames as of now.

@@ -26,6 +26,9 @@ const WIDE: f64 = 5.0;
 const MOST_NARROW: usize = 4;
 const SETTLED: f64 = 1e-3;
 
+/// At least one of so many pixels is compared: what [`AlignSettings`] takes.
+const MOST_STRIDE: usize = 64;
+
 /// Where to begin.
 #[derive(Clone, Debug)]
 pub(super) struct Start {
@@ -226,7 +229,9 @@ impl Front {
         }
         let prior = start.prior.as_ref().map(|information| {
             let base_from_world = world_from_base.inverse();
-            prior(&base_from_world, &start.pose, information, self.config.correlated_pixels)
+            // Of the pixels that tell one thing, only some are compared.
+            let pixels = self.config.correlated_pixels / f64::from(self.stride());
+            prior(&base_from_world, &start.pose, information, pixels)
         });
         let schedule = self.schedule(wide, prior);
         let estimate = Estimate { exposure: start.exposure, ..Estimate::default() };
@@ -268,6 +273,12 @@ impl Front {
         candidate(&mut self.aligner, pictures, &start.pose, &estimate, &schedule).map(Some)
     }
 
+    /// One of so many pixels of the finest level is compared.
+    fn stride(&self) -> u32 {
+        let stride = self.camera.pixels() / self.config.pixels.max(1);
+        stride.clamp(1, MOST_STRIDE) as u32
+    }
+
     fn schedule(&self, wide: bool, prior: Option<Prior>) -> Schedule {
         let config = &self.config;
         let mut steps = if wide { config.wide_steps.clone() } else { config.steps.clone() };
@@ -276,6 +287,7 @@ impl Front {
             photometric_weight: config.photometric_weight,
             geometric_weight: config.geometric_weight,
             depth_noise: config.depth_noise,
+            stride: self.stride(),
             ..AlignSettings::default()
         };
         let settings = if wide { widened(&narrow) } else { narrow };

@@ -17,6 +17,8 @@ pub struct TrackerConfig {
     pub steps: Vec<usize>,
     /// The same for a start that may be far off.
     pub wide_steps: Vec<usize>,
+    /// About so many pixels of the finest level are compared at most; all of the others'.
+    pub pixels: usize,
     /// Of the photometric term, 1 / intensity².
     pub photometric_weight: f64,
     /// Of the geometric term, 1 / metres².
@@ -102,6 +104,7 @@ impl Default for TrackerConfig {
             width: 640,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
+            pixels: 64_000,
             photometric_weight: 400.0,
             geometric_weight: 1e4,
             depth_noise: 0.0007,

@@ -26,6 +26,7 @@ pub(super) use judge::is_blank;
 use super::frame::{Frame, TrackingState};
 use super::working::Working;
 use align::{Candidate, Front, Start};
+use judge::Evidence;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, Renderer};
 use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
@@ -90,19 +91,35 @@ impl Tracker {
         }
     }
 
+    /// The next frame is another sender's: where its camera is, is not known. It is looked for as one that
+    /// was lost, near the newest pose and then in the whole map.
+    pub fn resume(&mut self) {
+        if self.state == TrackingState::Tracking {
+            self.state = TrackingState::Lost;
+        }
+    }
+
     /// After the newest frame.
     pub fn state(&self) -> TrackingState {
         self.state
     }
 
-    /// A keyframe was made.
-    pub fn add_keyframe(&mut self, frame: &Frame, working: &Working, tracked: &Tracked) {
-        let working = if Working::columns(frame, self.config.width) == working.camera.width {
+    /// A keyframe was made; returns the memory that its picture takes here beside `working`, bytes.
+    pub fn add_keyframe(&mut self, frame: &Frame, working: &Working, tracked: &Tracked) -> u64 {
+        let is_shared = Working::columns(frame, self.config.width) == working.camera.width;
+        let picture = if is_shared {
             working.clone()
         } else {
             Working::of(frame, &tracked.world_from_camera, self.config.width)
         };
-        self.places.add(frame.sequence, working, tracked);
+        let bytes = if is_shared { 0 } else { picture.bytes() };
+        self.places.add(frame.sequence, picture, tracked);
+        bytes
+    }
+
+    /// A keyframe was let go.
+    pub fn forget_keyframe(&mut self, sequence: u64) {
+        self.places.forget(sequence);
     }
 
     /// A keyframe's pose or exposure was refined.
@@ -181,6 +198,10 @@ impl Tracker {
         let front = self.front.as_mut().expect("estimate makes it first");
         let (sequence, nanos) = (frame.sequence, frame.timestamp_nanos);
         let is_lost = self.state == TrackingState::Lost;
+        // After a guess, only what agrees as well as a place found again.
+        let is_believed = |evidence: &Evidence| {
+            if is_lost { evidence.is_found_again(config) } else { evidence.is_tracked(config) }
+        };
         let start = |pose, wide| Start { pose, exposure, wide, prior: None };
         let hint = frame.hint.as_ref().and_then(|hint| Start::of_hint(hint, exposure));
         let ahead = self.motion.predict(nanos, SHORT_PAUSE).filter(|_| !is_lost);
@@ -192,7 +213,7 @@ impl Tracker {
                 let found = front.align_with_map(scene, start, references)?;
                 let against = references.len();
                 tracing::debug!(sequence, against, ?found.evidence, exposure = ?found.exposure);
-                if found.evidence.is_tracked(config) {
+                if is_believed(&found.evidence) {
                     return Ok(Some(found));
                 }
             }

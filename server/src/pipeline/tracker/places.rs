@@ -117,6 +117,11 @@ impl Places {
         self.places.push(place);
     }
 
+    /// A keyframe was let go.
+    pub fn forget(&mut self, sequence: u64) {
+        self.places.retain(|place| place.sequence != sequence);
+    }
+
     /// A keyframe was refined.
     pub fn correct(&mut self, sequence: u64, pose: Isometry3<f64>, exposure: [f64; 2]) {
         if let Some(place) = self.places.iter_mut().rev().find(|place| place.sequence == sequence) {
@@ -213,6 +218,8 @@ mod tests {
         assert_ne!(first(&places, &Thumbnail::of(&picture(40, 2, 1.0))).0, 2);
         places.correct(2, at(9.0), [0.0; 2]);
         assert_eq!(first(&places, &lost), (2, at(9.0)));
+        places.forget(2);
+        assert_ne!(first(&places, &lost).0, 2);
     }
 
     #[test]

@@ -68,6 +68,14 @@ impl Robot {
         Self { sender: map.claim(CAMERA).unwrap(), next: 0 }
     }
 
+    /// Goes, and comes back with another stream.
+    fn again(self) -> Self {
+        let Self { sender, next } = self;
+        let map = sender.map().clone();
+        drop(sender);
+        Self { sender: map.claim(CAMERA).unwrap(), next }
+    }
+
     fn map(&self) -> &Arc<Map> {
         self.sender.map()
     }
@@ -191,6 +199,31 @@ async fn a_jump_to_a_place_seen_before_is_found() {
     assert!(outcome.relocalised && error(&outcome, &pose(3.3)) < CLOSE, "{outcome:?}");
     let unseen = robot.look(&behind()).await;
     assert_eq!(unseen.tracking, TrackingState::Lost, "a place that it has never seen");
+}
+
+/// A stream ends and another goes on with the map, from anywhere: it is found in what is there, also where
+/// it could be taken for a frame that follows.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_that_is_gone_on_with_is_found_again() {
+    let mut robot = Robot::new("tracker-resume");
+    assert!(robot.walk(40).await < CLOSE);
+    // A moment later, far back, and 3 cm to the side of where the walk went.
+    let aside = Isometry3::translation(0.03, 0.0, 0.0);
+    for wanted in [pose(40.0), pose(3.3), pose(20.0) * aside] {
+        robot = robot.again();
+        let outcome = robot.look(&wanted).await;
+        println!("error {:.5}", error(&outcome, &wanted));
+        assert!(outcome.relocalised && error(&outcome, &wanted) < CLOSE, "{outcome:?}");
+        // Negative control: the same sender need not find itself again.
+        let next = robot.look(&wanted).await;
+        assert!(!next.relocalised && error(&next, &wanted) < CLOSE, "{next:?}");
+    }
+    robot = robot.again();
+    let unseen = robot.look(&behind()).await;
+    assert_eq!(unseen.tracking, TrackingState::Lost, "a place that it has never seen");
+    assert!(!unseen.keyframe, "which is not mapped");
+    let back = robot.look(&pose(10.0)).await;
+    assert!(back.relocalised && error(&back, &pose(10.0)) < CLOSE, "{back:?}");
 }
 
 /// A robot that knows its pose well is believed where the camera sees nothing but a wall of one

@@ -5,6 +5,7 @@
 
 mod birth;
 mod cells;
+mod tried;
 
 use super::super::backdrop;
 use super::super::working::Working;
@@ -14,6 +15,7 @@ use birth::newborns;
 use cells::{Cell, Grain, cells};
 use lexsplat_gpu::{ColourImage, GpuError};
 use std::borrow::Cow;
+use tried::Tried;
 
 impl Mapper {
     /// Appends what the keyframe shows and the map does not have.
@@ -28,7 +30,11 @@ impl Mapper {
             seen = Cow::Owned(backdrop::filled(&seen, metres));
         }
         let beyond = backdrop.unwrap_or(f32::INFINITY);
-        let born = unexplained(&seen, &rendered, beyond, &self.config);
+        let tried = Tried {
+            pictures: self.keyframes.iter().map(|keyframe| &keyframe.working).collect(),
+            enough: self.config.insert_keyframes,
+        };
+        let born = unexplained(&seen, (&rendered, &tried), beyond, &self.config);
         let kept = born.len().min(room);
         if kept < born.len() {
             tracing::warn!(
@@ -54,11 +60,11 @@ impl Mapper {
 /// Depths of `beyond` and more are a backdrop's.
 fn unexplained(
     working: &Working,
-    rendered: &ColourImage,
+    map: (&ColourImage, &Tried<'_>),
     beyond: f32,
     config: &MapperConfig,
 ) -> Vec<Cell> {
-    let needs = |pixel| needs_gaussian(working, rendered, beyond, config, pixel);
+    let needs = |pixel| needs_gaussian(working, map, beyond, config, pixel);
     let wanted: Vec<bool> = (0..working.camera.pixels()).map(needs).collect();
     let grain = Grain {
         max_side: config.insert_max_pixels as usize,
@@ -69,11 +75,11 @@ fn unexplained(
     cells(working, &wanted, grain)
 }
 
-/// Whether the map leaves this pixel open, lies behind it, or shows another colour. Before a backdrop
-/// only what is open counts.
+/// Whether the map leaves this pixel open; or lies behind it or shows another colour, and has not been told
+/// so often. Before a backdrop only what is open counts.
 fn needs_gaussian(
     working: &Working,
-    rendered: &ColourImage,
+    (rendered, tried): (&ColourImage, &Tried<'_>),
     beyond: f32,
     config: &MapperConfig,
     pixel: usize,
@@ -89,9 +95,7 @@ fn needs_gaussian(
         return !is_opaque;
     }
     let depth = rendered.depth[pixel] / opacity;
-    if depth - measured > config.insert_depth_error * measured {
-        return true;
-    }
+    let is_behind = depth - measured > config.insert_depth_error * measured;
     let on_surface = (depth - measured).abs() <= config.insert_depth_error * measured;
     let error = (0..3)
         .map(|channel| {
@@ -100,7 +104,7 @@ fn needs_gaussian(
         })
         .sum::<f32>()
         / 3.0;
-    on_surface && error > config.insert_color_error
+    (is_behind || (on_surface && error > config.insert_color_error)) && !tried.often(working, pixel)
 }
 
 #[cfg(test)]
@@ -110,6 +114,8 @@ mod tests {
     use nalgebra::Isometry3;
 
     const SIZE: usize = 8;
+    /// No keyframe was there before.
+    const UNTRIED: Tried<'static> = Tried { pictures: Vec::new(), enough: 8 };
 
     /// A grey wall, 2 m away.
     pub(super) fn working(size: usize) -> Working {
@@ -142,7 +148,7 @@ mod tests {
     }
 
     fn count(working: &Working, rendered: &ColourImage) -> usize {
-        unexplained(working, rendered, f32::INFINITY, &MapperConfig::default()).len()
+        unexplained(working, (rendered, &UNTRIED), f32::INFINITY, &MapperConfig::default()).len()
     }
 
     #[test]
@@ -162,6 +168,13 @@ mod tests {
         assert_eq!(count(&wall, &before), 0, "a floater in front hides, it does not miss");
         let other = ColourImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
         assert_eq!(count(&wall, &other), squares, "another colour");
+        let often = Tried { pictures: vec![&wall; 8], enough: 8 };
+        let told = |map| {
+            let config = MapperConfig::default();
+            unexplained(&wall, (map, &often), f32::INFINITY, &config).len()
+        };
+        assert_eq!((told(&other), told(&behind)), (0, 0), "it was told so eight times");
+        assert_eq!(told(&open), squares, "what is open is always filled");
         let broken = ColourImage { opacity: vec![f32::NAN; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &broken), squares, "a broken picture explains nothing");
     }
@@ -174,15 +187,15 @@ mod tests {
         let config = MapperConfig::default();
         let before = backdrop::filled(&blind, 5.0);
         assert!(before.depth_metres.iter().all(|depth| *depth == 5.0));
-        let cells = unexplained(&before, &open, 5.0, &config);
+        let cells = unexplained(&before, (&open, &UNTRIED), 5.0, &config);
         assert_eq!(cells.len(), count(&working(SIZE), &open), "as a wall there");
         // Whatever the map shows there hides it, in any colour and at any depth.
         let other = ColourImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
-        assert!(unexplained(&before, &other, 5.0, &config).is_empty());
+        assert!(unexplained(&before, (&other, &UNTRIED), 5.0, &config).is_empty());
         // Negative control: what was measured at 5 m would be missing.
         let farther = ColourImage { depth: vec![9.0; SIZE * SIZE], ..explained() };
-        assert!(!unexplained(&before, &farther, f32::INFINITY, &config).is_empty());
-        assert!(unexplained(&before, &farther, 5.0, &config).is_empty());
+        assert!(!unexplained(&before, (&farther, &UNTRIED), f32::INFINITY, &config).is_empty());
+        assert!(unexplained(&before, (&farther, &UNTRIED), 5.0, &config).is_empty());
 
         let kept = |beyond| backdrop::without(&newborns(&before, &cells, beyond, 15)).len();
         assert_eq!((kept(5.0), kept(5.1)), (0, cells.len()));
