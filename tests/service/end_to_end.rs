@@ -1,5 +1,6 @@
 //! A robot walks through a room it was never trained on, and plain words find the right things in it.
 
+use lexsplat_server::pipeline::mapper::Clock;
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use lexsplat_tests::{Robot, Server, tiny_config};
 use rand::SeedableRng;
@@ -62,7 +63,10 @@ fn shuffled(snapshot: &MapSnapshot) -> Arc<MapSnapshot> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn words_find_things_and_shuffled_features_do_not() {
-    let server = Server::start(tiny_config()).await;
+    // So that what is found does not hang on how fast the machine is (`BENCHMARKS.md` has both clocks).
+    let mut config = tiny_config();
+    config.mapper.clock = Clock::PerFrame;
+    let server = Server::start(config).await;
     let robot = Robot::new(8, FRAMES);
     let acks = server.stream(&robot, "room").await;
     server.settled("room").await;
@@ -76,10 +80,11 @@ async fn words_find_things_and_shuffled_features_do_not() {
     let snapshot = map.snapshot();
     let found = server.found(&robot, &snapshot, &things).await;
     let by_chance = server.found(&robot, &shuffled(&snapshot), &things).await;
-    println!("found {found} of {}, shuffled {by_chance}: {things:?}", things.len());
+    let missed: Vec<_> = things.iter().filter(|(class, _)| !found.contains(class)).collect();
+    println!("of {} missed {missed:?}, shuffled features find {by_chance:?}", things.len());
     let share = |count: usize| count as f64 / things.len() as f64;
-    assert!(share(found) >= FOUND, "found {found} of {things:?}");
-    assert!(share(by_chance) <= FOUND_SHUFFLED, "shuffled features find {by_chance}: {things:?}");
+    assert!(share(found.len()) >= FOUND, "missed {missed:?} of {things:?}");
+    assert!(share(by_chance.len()) <= FOUND_SHUFFLED, "shuffled features find {by_chance:?}");
 
     answers_over_http(&server, &robot, things[0]).await;
     renders_like_the_frame(&server, &robot, keyframes[0]).await;

@@ -1,9 +1,8 @@
 //! What goes wrong on real robots: frames that are dropped, black, or blurred, and a camera that is carried
 //! away. Tracking comes back from each, and what it says then is true.
 
-use lexsplat_proto::v1::{self, FrameStatus, frame_message::Message};
+use lexsplat_proto::v1::{self, FrameStatus};
 use lexsplat_tests::{Robot, Server, tiny_config};
-use nalgebra::{Isometry3, Point3};
 use std::ops::Range;
 
 const FRAMES: usize = 230;
@@ -64,28 +63,11 @@ fn walk(robot: &Robot) -> Vec<Sent> {
         frame.timestamp_nanos = time.timestamp_nanos + 33_333_333 * (1 + at as u64);
         sent.push(Sent { view, frame });
     }
-    for one in sent.iter_mut().skip(1) {
-        one.frame.world_from_camera = None;
-    }
     sent
 }
 
-/// Metres between where a frame was taken and where its acknowledgement says.
-fn error(ack: &v1::FrameAck, wanted: &Isometry3<f64>) -> f64 {
-    let found = ack.world_from_camera.as_ref().and_then(|pose| pose.translation_metres);
-    found.map_or(f64::INFINITY, |at| {
-        nalgebra::distance(&Point3::new(at.x, at.y, at.z), &wanted.translation.vector.into())
-    })
-}
-
 async fn acks(server: &Server, robot: &Robot, frames: Vec<v1::Frame>) -> Vec<v1::FrameAck> {
-    let mut open = robot.open("faults");
-    if let Some(Message::Open(open)) = &mut open.message {
-        open.set_pose_source(v1::PoseSource::Estimated);
-    }
-    let frames =
-        frames.into_iter().map(|frame| v1::FrameMessage { message: Some(Message::Frame(frame)) });
-    let messages = std::iter::once(open).chain(frames).collect();
+    let messages = robot.stream_without_poses("faults", frames);
     let mut acks = server.send(messages).await.expect("the stream ends well");
     acks.remove(0);
     acks
@@ -117,7 +99,7 @@ async fn tracking_comes_back_from_every_fault() {
             continue;
         }
         // A pose that is believed is right, or else the map would be wrong from then on.
-        let off = error(ack, &robot.poses[*view]);
+        let off = robot.error(ack, *view);
         assert!(off < CLOSE, "frame {at}, view {view}: {off} m");
         worst = worst.max(off);
     }
@@ -138,7 +120,6 @@ async fn a_place_never_seen_is_not_found() {
     let mut frames: Vec<v1::Frame> = walk.chain(away).collect();
     for (at, frame) in frames.iter_mut().enumerate() {
         frame.timestamp_nanos = at as u64 * 33_333_333;
-        frame.world_from_camera = frame.world_from_camera.take().filter(|_| at == 0);
     }
     let acks = acks(&server, &robot, frames).await;
     assert!(acks[..30].iter().all(|ack| ack.status() == FrameStatus::Tracked));

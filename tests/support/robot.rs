@@ -2,7 +2,7 @@
 
 use lexsplat_client::synthetic::{self, Camera, Room, View};
 use lexsplat_proto::v1::{self, frame_message::Message};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 
 /// Columns of what the robot sees.
 const WIDTH: u32 = 320;
@@ -65,9 +65,43 @@ impl Robot {
 
     /// The opening message and every frame.
     pub fn messages(&self, map: &str) -> Vec<v1::FrameMessage> {
-        let frames = (0..self.views.len())
-            .map(|at| v1::FrameMessage { message: Some(Message::Frame(self.frame(at))) });
-        std::iter::once(self.open(map)).chain(frames).collect()
+        self.stream(map, (0..self.views.len()).map(|at| self.frame(at)))
+    }
+
+    /// The opening message and these frames.
+    pub fn stream(
+        &self,
+        map: &str,
+        frames: impl IntoIterator<Item = v1::Frame>,
+    ) -> Vec<v1::FrameMessage> {
+        let message = |frame| v1::FrameMessage { message: Some(Message::Frame(frame)) };
+        std::iter::once(self.open(map)).chain(frames.into_iter().map(message)).collect()
+    }
+
+    /// The same where poses are to be estimated: only frame 0 says where it was taken.
+    pub fn stream_without_poses(
+        &self,
+        map: &str,
+        frames: impl IntoIterator<Item = v1::Frame>,
+    ) -> Vec<v1::FrameMessage> {
+        let mut messages = self.stream(map, frames);
+        for message in &mut messages {
+            match &mut message.message {
+                Some(Message::Open(open)) => open.set_pose_source(v1::PoseSource::Estimated),
+                Some(Message::Frame(frame)) if frame.sequence > 0 => frame.world_from_camera = None,
+                _ => {}
+            }
+        }
+        messages
+    }
+
+    /// Metres between where a view was taken and where an acknowledgement says; infinite if it says nothing.
+    pub fn error(&self, ack: &v1::FrameAck, view: usize) -> f64 {
+        let found = ack.world_from_camera.as_ref().and_then(|pose| pose.translation_metres);
+        found.map_or(f64::INFINITY, |at| {
+            let wanted = self.poses[view].translation.vector.into();
+            nalgebra::distance(&Point3::new(at.x, at.y, at.z), &wanted)
+        })
     }
 
     /// The opening message and every frame with its instances as labels, which stand for their classes.

@@ -103,14 +103,14 @@ impl Server {
         }
     }
 
-    /// Of how many things the heat map peaks on the thing: (class, frame that shows it).
+    /// The things, (class, frame that shows it), on which their heat map peaks.
     pub async fn found(
         &self,
         robot: &Robot,
         snapshot: &Arc<MapSnapshot>,
         things: &[(&'static str, usize)],
-    ) -> usize {
-        let mut found = 0;
+    ) -> Vec<&'static str> {
+        let mut found = Vec::new();
         for (class, frame) in things {
             let query = Query {
                 text: (*class).into(),
@@ -125,7 +125,9 @@ impl Server {
             let answer = self.engine.query_snapshot(snapshot.clone(), query).await;
             let peak = answer.expect("it is answered").peak.expect("a view query has a peak");
             let seen = robot.class_at(*frame, peak.x as u32, peak.y as u32);
-            found += usize::from(seen == Some(*class));
+            if seen == Some(*class) {
+                found.push(*class);
+            }
         }
         found
     }

@@ -56,6 +56,7 @@ impl Mapper {
             target,
             version: self.online.version(),
         });
+        self.steps.earn_language();
         self.keep_to_budget();
         self.changed = true;
         Ok(())

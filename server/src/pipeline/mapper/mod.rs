@@ -12,6 +12,7 @@ mod language;
 mod optimise;
 mod prune;
 mod refine;
+mod steps;
 mod trajectory;
 
 pub use config::{Clock, MapperConfig, TiesConfig};
@@ -35,6 +36,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use steps::Steps;
 use tokio::sync::mpsc;
 use trajectory::Trajectory;
 
@@ -84,9 +86,7 @@ pub(super) fn spawn(
         awaiting_language: VecDeque::new(),
         language_in_flight: 0,
         deferred: VecDeque::new(),
-        steps_left: 0,
-        steps_earned: 0,
-        steps_done: 0,
+        steps: Steps::new(&config.mapper),
         ordered_len: 0,
         farthest_metres: 0.0,
         revision: 0,
@@ -122,11 +122,7 @@ struct Mapper {
     language_in_flight: usize,
     /// Frames that came while the clock stood still.
     deferred: VecDeque<Event>,
-    /// Optimiser steps that the keyframes so far have earned and not yet had.
-    steps_left: usize,
-    /// Steps that were earned since none were left.
-    steps_earned: usize,
-    steps_done: usize,
+    steps: Steps,
     /// Size of the map when it was last brought into spatial order.
     ordered_len: usize,
     /// The farthest that a keyframe measured.
@@ -199,7 +195,7 @@ impl Mapper {
     }
 
     fn has_work(&self) -> bool {
-        self.steps_left > 0 && !self.gaussians.is_empty()
+        !self.steps.is_done() && !self.gaussians.is_empty()
     }
 
     /// Other maps' keyframes fill the language thread's queue: nothing will wake this map when there
@@ -258,7 +254,7 @@ impl Mapper {
             self.moved = true;
             let is_realtime = self.config.clock == Clock::Realtime;
             let at_once = if is_realtime { self.config.steps_per_frame } else { 0 };
-            for _ in 0..at_once.min(self.steps_left) {
+            for _ in 0..at_once.min(self.steps.colour_left()) {
                 self.optimise_once()?;
             }
         }
@@ -279,11 +275,7 @@ impl Mapper {
         self.keyframes.push(keyframe);
         self.keep_to_budget();
         self.awaiting_language.push_back(frame);
-        if self.steps_left == 0 {
-            self.steps_earned = 0;
-        }
-        self.steps_left += self.config.steps_per_keyframe;
-        self.steps_earned += self.config.steps_per_keyframe;
+        self.steps.earn();
         Ok(())
     }
 
