@@ -47,7 +47,8 @@ pub struct MapperConfig {
     pub steps_per_frame: usize,
     /// What a frame shows is new if none of this many newest keyframes shows it.
     pub window: usize,
-    /// Every how many steps language is optimised as well.
+    /// Every how many steps language is optimised as well. A keyframe's language earns as many steps as this leaves
+    /// it of `steps_per_keyframe`, whenever it comes.
     pub language_every: usize,
     /// Every how many steps transparent Gaussians are removed.
     pub prune_every: usize,
