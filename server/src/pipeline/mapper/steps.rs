@@ -2,7 +2,7 @@
 //!
 //! In: keyframes, and their languages, as they come. Out: the next step. A keyframe earns its steps when it
 //! comes; its language earns steps when the networks are done with it, which may be later than the last of
-//! colour's. Steps of language go along with every so manieth of colour, and alone when there are no more:
+//! colour's. Steps of language go along with one in `language_every` of colour, and alone when there are no more:
 //! slow networks cost time, not language. It must not know the map.
 
 use super::MapperConfig;
