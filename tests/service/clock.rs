@@ -7,10 +7,11 @@ use std::time::Duration;
 
 const FRAMES: usize = 12;
 
-/// The map that a robot's walk makes.
-async fn map_of(robot: &Robot, pause: Duration) -> Vec<[f32; 3]> {
+/// The map that a robot's walk makes, frames coming so long after each other, readers getting it so often.
+async fn map_of(robot: &Robot, pause: Duration, snapshot_seconds: f64) -> Vec<[f32; 3]> {
     let mut config = tiny_config();
     config.mapper.clock = Clock::PerFrame;
+    config.mapper.snapshot_seconds = snapshot_seconds;
     let server = Server::start(config).await;
     let mut messages: Vec<v1::FrameMessage> = robot.messages("clock");
     messages.truncate(1 + FRAMES);
@@ -31,10 +32,10 @@ async fn map_of(robot: &Robot, pause: Duration) -> Vec<[f32; 3]> {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_same_frames_make_the_same_map() {
     let robot = Robot::new(7, FRAMES);
-    let fast = map_of(&robot, Duration::ZERO).await;
-    let slow = map_of(&robot, Duration::from_millis(150)).await;
+    let fast = map_of(&robot, Duration::ZERO, 0.0).await;
+    let slow = map_of(&robot, Duration::from_millis(150), 1e6).await;
     assert!(!fast.is_empty());
     assert_eq!(fast, slow, "bit for bit");
-    let other = map_of(&Robot::new(8, FRAMES), Duration::ZERO).await;
+    let other = map_of(&Robot::new(8, FRAMES), Duration::ZERO, 0.0).await;
     assert_ne!(fast, other, "another room is another map");
 }

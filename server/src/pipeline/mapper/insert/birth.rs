@@ -13,8 +13,9 @@ use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 /// Opacity that a Gaussian is born with, as a logit: 0.9.
 const OPACITY_LOGIT: f32 = 2.197_224_6;
-/// Standard deviation of a newborn in units of its square's side.
-const SCALE: f32 = 0.5;
+/// Standard deviation of a newborn in units of its square's side: neighbours close the surface between them, so
+/// that nothing has to grow to stop what shows through.
+const SCALE: f32 = 0.7;
 /// Thickness along the normal, in units of its standard deviation.
 const THICKNESS: f32 = 0.2;
 /// No disk is longer than this many times its width, however slanted the surface.
@@ -141,7 +142,7 @@ mod tests {
         assert_eq!(born.language.features, vec![0.0; 15]);
         let [long, wide, thick] = born.colour.log_scales[0].map(f32::exp);
         assert!((long / wide - 1.0).abs() < 0.05 && thick < 0.3 * wide, "{long} {wide} {thick}");
-        assert!((wide - SCALE * 2.0 * 2.0 / 6.0).abs() < 1e-5, "half a square wide: {wide}");
+        assert!((wide - SCALE * 2.0 * 2.0 / 6.0).abs() < 1e-5, "a share of its square: {wide}");
     }
 
     #[test]
