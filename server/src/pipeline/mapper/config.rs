@@ -173,7 +173,7 @@ impl Default for RatesConfig {
         Self {
             mean: 7e-4,
             rotation: 1e-2,
-            scale: 2e-2,
+            scale: 5e-3,
             opacity: 0.05,
             color: 5e-3,
             language_rotation: 1e-3,
