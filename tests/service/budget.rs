@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 const FRAMES: usize = 60;
 const KEYFRAME_MIB: u64 = 10;
-const GAUSSIANS: usize = 4000;
+const GAUSSIANS: usize = 3000;
 /// Worst error of a pose, metres; measured 0.0003 (llvmpipe).
 const CLOSE: f64 = 0.01;
 

@@ -16,6 +16,8 @@ const OPACITY_LOGIT: f32 = 2.197_224_6;
 /// Standard deviation of a newborn in units of its square's side: neighbours close the surface between them, so
 /// that nothing has to grow to stop what shows through.
 const SCALE: f32 = 0.7;
+/// The same of its language head: small things keep their words to themselves.
+const LANGUAGE_SCALE: f32 = 0.5;
 /// Thickness along the normal, in units of its standard deviation.
 const THICKNESS: f32 = 0.2;
 /// No disk is longer than this many times its width, however slanted the surface.
@@ -36,9 +38,10 @@ pub(super) fn newborns(
         let Some(pixel) = middle(working, *cell) else { continue };
         let (mean, rotation, log_scale) = disk(working, pixel, cell.side as f32);
         born.means.push(mean.into());
-        for head in [&mut born.colour, &mut born.language] {
+        let smaller = (LANGUAGE_SCALE / SCALE).ln();
+        for (head, smaller) in [(&mut born.colour, 0.0), (&mut born.language, smaller)] {
             head.rotations.push(rotation);
-            head.log_scales.push(log_scale);
+            head.log_scales.push(log_scale.map(|scale| scale + smaller));
         }
         let is_backdrop = working.depth_metres[pixel] >= beyond;
         born.colour.opacity_logits.push(OPACITY_LOGIT);
