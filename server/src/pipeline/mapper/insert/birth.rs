@@ -2,7 +2,7 @@
 //!
 //! In: squares of a picture with depth. Out: Gaussians at the measured depth, flat along the surface's
 //! normal, as long as its slant makes them, in the square's mean colour. Their language heads start as
-//! their colour heads, with codes of zeros ("no language yet"). The paper's are balls at random
+//! their colour heads and smaller, with codes of zeros ("no language yet"). The paper's are balls at random
 //! pixels; disks need no optimisation to lie on a wall.
 
 use super::super::super::backdrop::NOWHERE;
@@ -146,6 +146,8 @@ mod tests {
         let [long, wide, thick] = born.colour.log_scales[0].map(f32::exp);
         assert!((long / wide - 1.0).abs() < 0.05 && thick < 0.3 * wide, "{long} {wide} {thick}");
         assert!((wide - SCALE * 2.0 * 2.0 / 6.0).abs() < 1e-5, "a share of its square: {wide}");
+        let language = born.language.log_scales[0][1].exp();
+        assert!((language / wide - LANGUAGE_SCALE / SCALE).abs() < 1e-5, "smaller: {language}");
     }
 
     #[test]
