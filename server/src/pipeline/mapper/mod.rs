@@ -284,7 +284,8 @@ impl Mapper {
         self.request_language();
         let idle =
             !self.has_work() && self.awaiting_language.is_empty() && self.language_in_flight == 0;
-        // Copying the map waits for the steps in flight, which would make the hour part of the map.
+        // Copying waits for the steps in flight, and those that met full lists are taken again: by the clock
+        // on the wall, their order would not be the same in every run.
         let is_realtime = self.config.clock == Clock::Realtime;
         let since = self.published_at.elapsed().as_secs_f64();
         let due = is_realtime && since >= self.config.snapshot_seconds;

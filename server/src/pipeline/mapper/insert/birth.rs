@@ -39,9 +39,9 @@ pub(super) fn newborns(
         let (mean, rotation, log_scale) = disk(working, pixel, cell.side as f32);
         born.means.push(mean.into());
         let smaller = (LANGUAGE_SCALE / SCALE).ln();
-        for (head, smaller) in [(&mut born.colour, 0.0), (&mut born.language, smaller)] {
+        for (head, shift) in [(&mut born.colour, 0.0), (&mut born.language, smaller)] {
             head.rotations.push(rotation);
-            head.log_scales.push(log_scale.map(|scale| scale + smaller));
+            head.log_scales.push(log_scale.map(|axis| axis + shift));
         }
         let is_backdrop = working.depth_metres[pixel] >= beyond;
         born.colour.opacity_logits.push(OPACITY_LOGIT);
