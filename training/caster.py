@@ -1,7 +1,7 @@
 """A ray caster for furnished rooms (CPU, Embree): one ray per sample, textures with mip levels.
 
 In:  a room (`furnish.py`): parts in metres with textures, and a random generator for the light.
-Out: colours, instance ids (place in the room's list plus 1, 0 = nothing) and distances in metres.
+Out: colors, instance ids (place in the room's list plus 1, 0 = nothing) and distances in metres.
 """
 
 import numpy as np
@@ -76,7 +76,7 @@ class Caster:
         slant = np.abs((self.normals[face] * ray[hit]).sum(1)).clip(0.15, 1)
         foot = far / (focal * samples) / np.sqrt(slant) * self.density[face]
         level = np.log2(np.maximum(foot, 1)).round().astype(int)
-        colour = self.part.colour[face].astype(np.float32)
+        color = self.part.color[face].astype(np.float32)
         texture = self.part.texture[face]
         for k in np.unique(texture[texture >= 0]):
             mine = np.flatnonzero(texture == k)
@@ -85,11 +85,11 @@ class Caster:
                 image = self.mips[k][min(fine, len(self.mips[k]) - 1)]
                 side = np.array(image.shape[1::-1])
                 i, j = (np.floor(uv[some] * [1, -1] % 1 * side).astype(int) % side).T
-                colour[some] = image[j, i]
+                color[some] = image[j, i]
         near = np.linalg.norm(place - self.lamp, axis=1)
         light = self.shade[face] * (1 - self.glow / 2 + self.glow * 1.2 / (0.4 + near / 2))
         rgb = np.zeros((len(ray), 3), np.float32)
-        rgb[hit] = colour * light[:, None] * self.tint
+        rgb[hit] = color * light[:, None] * self.tint
         ids, depth = np.zeros(len(ray), np.uint16), np.zeros(len(ray))
         ids[hit], depth[hit] = self.ids[face], far
         rgb = rgb.reshape(height, samples, width, samples, 3).mean((1, 3)).clip(0, 255)

@@ -164,7 +164,7 @@ def resize(array, width, height, method):
 
 
 def photometric(image, random):
-    """Brightness, contrast, saturation, colour cast, gamma, blur, noise and JPEG, each by chance."""
+    """Brightness, contrast, saturation, color cast, gamma, blur, noise and JPEG, each by chance."""
     x = image.astype(np.float32)
     if random.random() < 0.8:
         x = (x - x.mean()) * random.uniform(0.6, 1.4) + x.mean() * random.uniform(0.6, 1.4)

@@ -110,7 +110,7 @@ def iou(found, mask):
     return (found & mask).sum() / max((found | mask).sum(), 1)
 
 
-def colours(heat):
+def colors(heat):
     """A black-red-yellow-white ramp for values 0..1."""
     heat = heat.clip(0, 1)[..., None] * 3
     return (np.concatenate([heat, heat - 1, heat - 2], -1).clip(0, 1) * 255).astype(np.uint8)
@@ -121,7 +121,7 @@ def picture(image, heats, words, path):
     height, width = 216, 288
     tiles = [np.asarray(Image.fromarray(image).resize((width, height)))]
     for heat in heats:
-        ramp = Image.fromarray(colours((heat - 0.3) / 0.6)).resize((width, height))
+        ramp = Image.fromarray(colors((heat - 0.3) / 0.6)).resize((width, height))
         tiles.append((0.35 * tiles[0] + 0.65 * np.asarray(ramp)).astype(np.uint8))
     columns = 4
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % columns)

@@ -1,6 +1,6 @@
 """Furnished rooms from one seed, ray cast on the CPU: labelled frames with textures and clutter.
 
-In:  photographs (texture patches), small object meshes with vertex colours (--objects) and the
+In:  photographs (texture patches), small object meshes with vertex colors (--objects) and the
      assets of a furnished house (--house: triangles, UVs, textures, instances; of the instances
      inside --skip-box neither shape nor texture is used).
 Out: a folder per room in the Replica layout of `data.py`: results/, semantic/, instances.json,
@@ -21,7 +21,7 @@ from PIL import Image
 from caster import Caster
 from decor import Decor
 from furniture import Kit
-from shapes import COLOUR, Part, Textures, box, cylinder, merge
+from shapes import COLOR, Part, Textures, box, cylinder, merge
 
 # small objects by the beginning of their file's name
 KINDS = {
@@ -161,9 +161,9 @@ def read_objects(folder, held_out):
         mesh = trimesh.load(path, process=False)
         low, high = mesh.bounds
         points = mesh.vertices - [*(low + high)[:2] / 2, low[2]]
-        colour = np.asarray(mesh.visual.vertex_colors)[:, :3][mesh.faces].mean(1)
+        color = np.asarray(mesh.visual.vertex_colors)[:, :3][mesh.faces].mean(1)
         uv = np.zeros((len(mesh.faces), 3, 2))
-        found.append((word, Part(np.asarray(points), np.asarray(mesh.faces), uv, COLOUR, colour)))
+        found.append((word, Part(np.asarray(points), np.asarray(mesh.faces), uv, COLOR, color)))
     return found
 
 
@@ -240,7 +240,7 @@ class Room:
             part = self.house[word][self.r.integers(len(self.house[word]))]
             part = part.moved(0, (0, 0, 0), self.r.uniform(0.85, 1.1))
             if self.r.random() < 0.5:  # in another cloth
-                part = Part(part.points, part.faces, part.uv, self.textures.cloth(), part.colour)
+                part = Part(part.points, part.faces, part.uv, self.textures.cloth(), part.color)
             low, high = part.points.min(0), part.points.max(0)
             return word, part, high[2] if "table" in word else None, high[0] - low[0], high[1]
         return getattr(self.kit, self.r.choice(ALONG, p=CHANCES))()

@@ -30,7 +30,7 @@ NEAR, FAR, DILATION = 0.1, 1e6, 0.1
 MARGIN = 3e-5  # least relative distance of any alpha or transmittance from its cut-off
 PARAMETERS = ["means"] + [
     f"{head}.{kind}"
-    for head in ("colour", "language")
+    for head in ("color", "language")
     for kind in ("rotations", "log_scales", "opacity_logits", "features")
 ]
 
@@ -124,7 +124,7 @@ def make(spec):
     pose = np.float32(pose).astype(np.float64)
     rows = {"means": (means - pose[4:]) @ rotation_of(pose[:4])}
     metres = np.maximum(z, 0.8)[:, None] / (0.9 * width)
-    for head, channels in (("colour", 3), ("language", CHANNELS)):
+    for head, channels in (("color", 3), ("language", CHANNELS)):
         low, high = np.log(spec["size"])
         rows[f"{head}.rotations"] = rng.normal(size=(n, 4)) * rng.uniform(0.3, 3.0, (n, 1))
         pixels = np.exp(rng.uniform(low, high, (n, 3))) if n > 1 else np.array([[1.5, 3.0, 5.0]])
@@ -186,7 +186,7 @@ def pairs(means, depths, conics, opacities, planes, cam):
 def settle(gsplat, rows, spec, pose, rng):
     """Redraws the opacity of Gaussians that are so near a cut-off that rounding decides."""
     view = view_matrix(pose, torch.zeros(6, dtype=torch.float64))
-    for head, size in (("colour", spec["picture"]), ("language", spec["codes"])):
+    for head, size in (("color", spec["picture"]), ("language", spec["codes"])):
         cam = camera(size, spec["picture"], spec["shift"])
         while True:
             near = pairs(*project(gsplat, rows, head, cam, view), cam)[2]
@@ -197,12 +197,12 @@ def settle(gsplat, rows, spec, pose, rng):
 
 
 def render(gsplat, rows, head, cam, view):
-    """All channels of a head (depth last for colour) and alpha."""
+    """All channels of a head (depth last for color) and alpha."""
     means, depths, conics, opacities, planes = project(gsplat, rows, head, cam, view)
     with torch.no_grad():
         ids, rays, _, full = pairs(means, depths, conics, opacities, planes, cam)
     features = rows[f"{head}.features"][None]
-    if head == "colour":
+    if head == "color":
         features = torch.cat([features, depths[..., None]], dim=-1)
     width, height = int(cam[4]), int(cam[5])
     image, alpha = gsplat.accumulate(
@@ -218,7 +218,7 @@ def scene(gsplat, name, spec):
     settle(gsplat, rows, spec, pose, rng)
     out = {key: value.clone() for key, value in rows.items()}
     out["pose"] = torch.from_numpy(pose)
-    for head, size in (("colour", spec["picture"]), ("language", spec["codes"])):
+    for head, size in (("color", spec["picture"]), ("language", spec["codes"])):
         leaves = {key: value.clone().requires_grad_() for key, value in rows.items()}
         tau = torch.zeros(6, dtype=torch.float64, requires_grad=True)
         cam = camera(size, spec["picture"], spec["shift"])

@@ -17,12 +17,12 @@ class Pages:
     def __init__(self, photos, random):
         self.photos, self.random = photos, random
 
-    def colour(self, low=0, high=256):
+    def color(self, low=0, high=256):
         return tuple(int(c) for c in self.random.integers(low, high, 3))
 
     def light(self):
-        """Cyan, blue, white and other colours of light."""
-        return LIGHTS[self.random.integers(5)] if self.random.random() < 0.6 else self.colour(60)
+        """Cyan, blue, white and other colors of light."""
+        return LIGHTS[self.random.integers(5)] if self.random.random() < 0.6 else self.color(60)
 
     def ground(self, w, h, first, second):
         """A gradient, or a photograph."""
@@ -42,19 +42,19 @@ class Pages:
                 draw.rectangle((x, y, end, y + step * 0.4), fill=ink)
                 x = end + step * 0.6
 
-    def blocks(self, page, count, colour):
+    def blocks(self, page, count, color):
         """Windows, tiles, photographs and columns of text on a page, in place."""
         r, (w, h) = self.random, page.size
         for _ in range(count):
             bw, bh = int(w * r.uniform(0.15, 0.6)), int(h * r.uniform(0.15, 0.6))
             x, y = int(r.integers(w - bw)), int(r.integers(h - bh))
-            paper = (245, 246, 248) if r.random() < 0.5 else colour()
+            paper = (245, 246, 248) if r.random() < 0.5 else color()
             page.paste(self.ground(bw, bh, paper, paper), (x, y))
             if r.random() < 0.5:
-                page.paste(colour(), (x, y, x + bw + 1, y + h // 25 + 1))
+                page.paste(color(), (x, y, x + bw + 1, y + h // 25 + 1))
             if r.random() < 0.7:
                 box = (x + 4, y + 8, x + bw - 4, y + bh - 2)
-                self.lines(page, box, self.colour(0, 120), r.uniform(4, 9))
+                self.lines(page, box, self.color(0, 120), r.uniform(4, 9))
 
     def screen(self):
         """A bezel with something bright in it, or off; now and then a keyboard below."""
@@ -82,7 +82,7 @@ class Pages:
         whole.paste(page, (edge, edge))
         light.paste(0 if kind < 0.15 else 255, (edge, edge, edge + w, edge + h))
         part.paste(2, (0, top, *whole.size))
-        ink = self.colour(0, 60) if tone > 80 else self.colour(60, 120)
+        ink = self.color(0, 60) if tone > 80 else self.color(60, 120)
         self.lines(whole, (20, top + 8, w, top + keys * 0.6), ink, max(keys / 8, 3))
         return whole, light, part
 
@@ -92,18 +92,18 @@ class Pages:
         h = int(w * r.choice([1.41, 1.3, 0.71, 1.0, 1.5]))
         white = tuple(r.integers(215, 256) - r.integers(0, 16, 3))
         plain = word == "paper" or (word != "picture" and r.random() < 0.3)
-        first, second = (white, white) if plain else (self.colour(), self.colour())
+        first, second = (white, white) if plain else (self.color(), self.color())
         page = Image.new("RGB", (w, h), first) if plain else self.ground(w, h, first, second)
         if word == "picture":
             mat, edge = int(r.choice([0, 0, 12, 30])), int(r.uniform(4, 18))
-            wood = self.colour(10, 60) if r.random() < 0.4 else self.colour(40, 230)
+            wood = self.color(10, 60) if r.random() < 0.4 else self.color(40, 230)
             whole = Image.new("RGB", (w + 2 * (mat + edge), h + 2 * (mat + edge)), wood)
             whole.paste(white, (edge, edge, whole.width - edge, whole.height - edge))
             whole.paste(page, (mat + edge, mat + edge))
             page = whole
         else:
-            self.blocks(page, r.integers(3) * (word != "paper"), self.colour)
-            ink = self.colour(0, 90) if plain else self.colour()
+            self.blocks(page, r.integers(3) * (word != "paper"), self.color)
+            ink = self.color(0, 90) if plain else self.color()
             title = (w * 0.1, h * 0.07, w * 0.9, h * 0.25)
             self.lines(page, title, ink, h * r.uniform(0.05, 0.15))
             body = (w * 0.1, h * r.uniform(0.3, 0.9), w * 0.9, h * 0.93)

@@ -16,7 +16,7 @@ import matplotlib
 matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402
 
-COLOURS = {"linear": "#1f6fb4", "mlp": "#d1541f"}
+COLORS = {"linear": "#1f6fb4", "mlp": "#d1541f"}
 LABELS = {"linear": "linear", "mlp": "auto-encoder"}
 
 
@@ -37,7 +37,7 @@ def main():
             keyframes = [int(row["keyframe"]) for row in rows]
             for kind, style in (("carried", "-"), ("frozen", ":")):
                 values = [float(row[f"all_{kind}"]) for row in rows]
-                axis.plot(keyframes, values, style, color=COLOURS[stage],
+                axis.plot(keyframes, values, style, color=COLORS[stage],
                           label=f"{LABELS[stage]}, {kind}")
         axis.set_title(scene, fontsize=10)
         axis.set_xlabel("keyframes")

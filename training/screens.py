@@ -73,15 +73,15 @@ class Screens:
         if r.random() < 0.5:
             soft = ImageFilter.GaussianBlur(r.uniform(0.3, 1.6))
             drawn = [p.filter(soft) for p in drawn]
-        colours, shine, alpha = (np.asarray(p, np.float32).reshape(high, wide, -1) for p in drawn)
+        colors, shine, alpha = (np.asarray(p, np.float32).reshape(high, wide, -1) for p in drawn)
         shine, alpha = shine / 255, alpha / 255
         ambient = np.clip(image.mean() / 140 * r.uniform(0.7, 1.3), 0.25, 1.3)
-        colours = colours * (ambient * (1 - shine) + r.uniform(0.8, 1.7) * shine)
-        glow = Image.fromarray(np.clip(colours * shine, 0, 255).astype(np.uint8))
+        colors = colors * (ambient * (1 - shine) + r.uniform(0.8, 1.7) * shine)
+        glow = Image.fromarray(np.clip(colors * shine, 0, 255).astype(np.uint8))
         glow = np.asarray(glow.filter(ImageFilter.GaussianBlur(r.uniform(1, 8))), np.float32)
         under = image[y:y + high, x:x + wide]
-        colours += under * (1 - alpha) + glow * max(r.uniform(-0.5, 0.5), 0)
-        under[:] = np.clip(colours, 0, 255)
+        colors += under * (1 - alpha) + glow * max(r.uniform(-0.5, 0.5), 0)
+        under[:] = np.clip(colors, 0, 255)
         part = warp(part, target - low, (wide, high), Image.Resampling.NEAREST)
         part = np.asarray(part)[STRIDE // 2::STRIDE, STRIDE // 2::STRIDE]
         place = label[y // STRIDE:, x // STRIDE:][:part.shape[0], :part.shape[1]]

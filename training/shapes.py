@@ -10,21 +10,21 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-COLOUR = -1  # the texture of a face that carries its own colour
+COLOR = -1  # the texture of a face that carries its own color
 
 
 class Part:
-    """Triangles of one thing: points [P, 3], faces [F, 3], uv [F, 3, 2], texture [F], colour."""
+    """Triangles of one thing: points [P, 3], faces [F, 3], uv [F, 3, 2], texture [F], color."""
 
-    def __init__(self, points, faces, uv, texture, colour=None):
+    def __init__(self, points, faces, uv, texture, color=None):
         self.points, self.faces, self.uv = points, faces, uv
         self.texture = np.broadcast_to(texture, len(faces))
-        self.colour = np.zeros((len(faces), 3)) if colour is None else colour
+        self.color = np.zeros((len(faces), 3)) if color is None else color
 
     def moved(self, turn=0.0, shift=(0, 0, 0), scale=1.0):
         c, s = np.cos(turn), np.sin(turn)
         points = self.points * scale @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + shift
-        return Part(points, self.faces, self.uv, self.texture, self.colour)
+        return Part(points, self.faces, self.uv, self.texture, self.color)
 
 
 def merge(parts):
@@ -35,7 +35,7 @@ def merge(parts):
         np.concatenate([p.faces + k for p, k in zip(parts, starts)]),
         np.concatenate([p.uv for p in parts]),
         np.concatenate([p.texture for p in parts]),
-        np.concatenate([p.colour for p in parts]),
+        np.concatenate([p.color for p in parts]),
     )
 
 
@@ -90,7 +90,7 @@ class Textures:
         return len(self.images) - 1
 
     def tone(self):
-        """A colour as rooms have them: mostly pale, brown, grey; sometimes anything."""
+        """A color as rooms have them: mostly pale, brown, grey; sometimes anything."""
         r = self.random
         grey = r.uniform(30, 245) if r.random() < 0.6 else r.uniform(170, 245)
         spread = r.choice([8, 25, 90], p=[0.55, 0.35, 0.1])

@@ -6,11 +6,11 @@ use crate::npy::Array;
 use font8x8::{BASIC_FONTS, UnicodeFonts as _};
 use image::{Rgb, RgbImage, imageops};
 
-/// Nothing is coloured up to here: the words fit no better than the negatives do.
+/// Nothing is colored up to here: the words fit no better than the negatives do.
 pub const NEUTRAL: f32 = 0.5;
-/// The greatest relevancy of a map has the last colour, but only from here on: a weak answer is pale.
+/// The greatest relevancy of a map has the last color, but only from here on: a weak answer is pale.
 const CLEAR: f32 = 0.6;
-/// Share of the last colour in the picture.
+/// Share of the last color in the picture.
 const STRONGEST: f32 = 0.72;
 const BOX_PIXELS: i64 = 2;
 const RING_PIXELS: f32 = 6.0;
@@ -21,7 +21,7 @@ const BAND: u32 = LETTER + 8;
 const WHITE: Rgb<u8> = Rgb([255, 255, 255]);
 const INK: Rgb<u8> = Rgb([20, 22, 28]);
 
-/// The turbo colour map: blue, green, yellow, red for 0 to 1.
+/// The turbo color map: blue, green, yellow, red for 0 to 1.
 /// A. Mikhailov's polynomial fit (Google AI blog, 2019).
 pub fn turbo(value: f32) -> Rgb<u8> {
     const RED: [f32; 6] =
@@ -36,7 +36,7 @@ pub fn turbo(value: f32) -> Rgb<u8> {
     }))
 }
 
-/// Lays relevancies `[height, width]` over a picture: the more relevant, the stronger the colour;
+/// Lays relevancies `[height, width]` over a picture: the more relevant, the stronger the color;
 /// what is not relevant stays as it is. The map is scaled to the picture.
 ///
 /// # Panics
@@ -54,7 +54,7 @@ pub fn heat(picture: &RgbImage, relevancy: &Array) -> RgbImage {
         let row = y as usize * rows / height as usize;
         let value = relevancy.values[row * columns + column];
         let strength = ((value - NEUTRAL) / (greatest - NEUTRAL)).clamp(0.0, 1.0);
-        // A NaN colours nothing.
+        // A NaN colors nothing.
         let share = if strength > 0.0 { STRONGEST * strength.sqrt() } else { 0.0 };
         let color = turbo(strength);
         for (channel, target) in pixel.0.iter_mut().zip(color.0) {

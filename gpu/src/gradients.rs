@@ -23,12 +23,12 @@ pub struct HeadGradient {
 }
 
 impl Renderer {
-    /// Takes dL/d(r, g, b, depth) of each pixel (height x width) to the colour head, the means and
+    /// Takes dL/d(r, g, b, depth) of each pixel (height x width) to the color head, the means and
     /// the camera.
     ///
     /// # Errors
-    /// [`GpuError::ShapeMismatch`] and as [`Renderer::render_colour`].
-    pub fn colour_gradients(
+    /// [`GpuError::ShapeMismatch`] and as [`Renderer::render_color`].
+    pub fn color_gradients(
         &mut self,
         gaussians: &Gaussians,
         camera: &Camera,
@@ -41,7 +41,7 @@ impl Renderer {
     /// Takes dL/dcode of each pixel (height x width x channels) to the language head.
     ///
     /// # Errors
-    /// As [`Renderer::colour_gradients`].
+    /// As [`Renderer::color_gradients`].
     pub fn language_gradients(
         &mut self,
         gaussians: &Gaussians,
@@ -57,7 +57,7 @@ impl Renderer {
         gaussians: &Gaussians,
         camera: &Camera,
         d_image: &[Row],
-        colour: bool,
+        color: bool,
     ) -> Result<HeadGradient, GpuError> {
         check_camera(camera)?;
         let count = gaussians.len();
@@ -65,21 +65,21 @@ impl Renderer {
             return Ok(HeadGradient::default());
         };
         let cameras =
-            Cameras { colour: colour.then_some(camera), language: (!colour).then_some(camera) };
-        let head = if colour { &arrays.colour } else { &arrays.language };
+            Cameras { color: color.then_some(camera), language: (!color).then_some(camera) };
+        let head = if color { &arrays.color } else { &arrays.language };
         let gpu = self.gpu.clone();
         loop {
             self.reserve(gaussians, cameras, true)?;
-            let pass = if colour { &self.colour } else { &self.language };
+            let pass = if color { &self.color } else { &self.language };
             pass.training().image_gradients.write(&gpu, 0, d_image);
             let mut recorder = Recorder::new(&gpu)?;
             self.draw(&mut recorder, (arrays, count), cameras);
-            let pass = if colour { &mut self.colour } else { &mut self.language };
+            let pass = if color { &mut self.color } else { &mut self.language };
             pass.backward(&mut recorder, self.lister.ranks(), (&arrays.means, head));
             recorder.submit();
             let hits: Vec<HitCount> = pass.hit_count().read(&gpu, 1)?;
             if !pass.outgrown(hits[0]) {
-                return self.read_gradients((count, head.features.rows), colour);
+                return self.read_gradients((count, head.features.rows), color);
             }
         }
     }
@@ -88,11 +88,10 @@ impl Renderer {
     fn read_gradients(
         &self,
         (count, rows): (usize, usize),
-        colour: bool,
+        color: bool,
     ) -> Result<HeadGradient, GpuError> {
         let gpu = &self.gpu;
-        let (pass, ranks) =
-            (if colour { &self.colour } else { &self.language }, self.lister.ranks());
+        let (pass, ranks) = (if color { &self.color } else { &self.language }, self.lister.ranks());
         let gradients = &pass.training().gradients;
         let visible = ranks.visible.read(gpu, 1)?[0].count as usize;
         let gaussians = ranks.gaussian_from_visible.read(gpu, visible)?;
@@ -105,13 +104,13 @@ impl Renderer {
         };
         let geometry = place(&gradients.geometry.read(gpu, 2 * visible)?, 2, 2);
         let features = place(&gradients.features.read(gpu, rows * visible)?, rows, rows);
-        let moves = gradients.moves.read(gpu, if colour { MOVE_ROWS * visible } else { 0 })?;
-        let means = place(&moves, MOVE_ROWS, usize::from(colour));
+        let moves = gradients.moves.read(gpu, if color { MOVE_ROWS * visible } else { 0 })?;
+        let means = place(&moves, MOVE_ROWS, usize::from(color));
         let mut pose = [0.0; 6];
         for rows in moves.chunks(MOVE_ROWS) {
             (0..6).for_each(|i| pose[i] += rows[1 + i / 3][i % 3]);
         }
-        let channels = if colour { 3 } else { self.channels };
+        let channels = if color { 3 } else { self.channels };
         Ok(HeadGradient {
             means: means.iter().map(|m| [m[0], m[1], m[2]]).collect(),
             head: HostHead::from_rows(&geometry, unpad_rows(&features, channels), channels),

@@ -178,7 +178,7 @@ structs! {
         /// Second; level; z in the camera, metres; by how much the power may fall before alpha is
         /// below `MIN_ALPHA`.
         form: Row => "vec4<f32>",
-        /// Colour; depth once more. Zeros for language, whose features are too long to be carried.
+        /// Color; depth once more. Zeros for language, whose features are too long to be carried.
         feature: Row => "vec4<f32>",
         /// Half width and height of the visible ellipse, in pixels.
         extent: [f32; 2] => "vec2<f32>",

@@ -16,14 +16,14 @@ pub struct Head {
     pub features: Vec<f64>,
     /// Length of a feature.
     pub channels: usize,
-    /// Whether depth is blended as one more channel, as for colour.
+    /// Whether depth is blended as one more channel, as for color.
     pub depth: bool,
 }
 
 impl Head {
-    /// The colour head: rgb and, as fourth channel of the picture, depth.
-    pub fn colour(gaussians: &HostGaussians) -> Self {
-        Self::new(gaussians, &gaussians.colour, true)
+    /// The color head: rgb and, as fourth channel of the picture, depth.
+    pub fn color(gaussians: &HostGaussians) -> Self {
+        Self::new(gaussians, &gaussians.color, true)
     }
 
     /// The language head.

@@ -1,6 +1,6 @@
 //! One head's pass over one view: project, list, blend, and back. Owns the scratch buffers.
 //!
-//! Colour and language differ in the rows of their feature and in what depth and mean mean to them;
+//! Color and language differ in the rows of their feature and in what depth and mean mean to them;
 //! the code is one.
 
 use crate::blend::{Blend, Lists, record_rows};
@@ -36,7 +36,7 @@ pub struct Pass {
     project: Project,
     blend: Blend,
     rows: usize,
-    colour: bool,
+    color: bool,
     hit_capacity: usize,
     first_hit_capacity: usize,
     scratch: Option<Scratch>,
@@ -117,17 +117,12 @@ impl Pass {
     ///
     /// # Errors
     /// As [`crate::kernel::Kernel::new`].
-    pub fn new(
-        gpu: &Gpu,
-        rows: usize,
-        colour: bool,
-        hit_capacity: usize,
-    ) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, rows: usize, color: bool, hit_capacity: usize) -> Result<Self, GpuError> {
         Ok(Self {
-            project: Project::new(gpu, rows, colour)?,
-            blend: Blend::new(gpu, rows, colour)?,
+            project: Project::new(gpu, rows, color)?,
+            blend: Blend::new(gpu, rows, color)?,
             rows,
-            colour,
+            color,
             hit_capacity,
             first_hit_capacity: hit_capacity,
             scratch: None,
@@ -191,7 +186,7 @@ impl Pass {
                 image_gradients: Buffer::new(gpu, "image gradients", pixels * self.rows)?,
                 terms: Buffer::new(gpu, "loss terms", pixels.max(map))?,
                 sums: ReduceScratch::new(gpu, pixels.max(map))?,
-                gradients: HeadGradients::new(gpu, map, self.rows, self.colour)?,
+                gradients: HeadGradients::new(gpu, map, self.rows, self.color)?,
                 corrections: Buffer::new(gpu, "corrections", map)?,
                 records: Buffer::new(gpu, "records", self.hit_capacity * record_rows(self.rows))?,
             });

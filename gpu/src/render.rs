@@ -1,4 +1,4 @@
-//! The renderer: pictures of colour, depth and language from any camera. Training steps are in
+//! The renderer: pictures of color, depth and language from any camera. Training steps are in
 //! `step.rs`.
 //!
 //! If a list overflowed, the lists grow and the picture is made again: there is never a picture from
@@ -28,7 +28,7 @@ const FULL_TRANSMITTANCE: f32 = 5e-3;
 
 /// A rendered view, row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ColourImage {
+pub struct ColorImage {
     /// Columns.
     pub width: u32,
     /// Rows.
@@ -56,7 +56,7 @@ pub struct LanguageImage {
     pub opacity: Vec<f32>,
 }
 
-/// How much work a colour picture is.
+/// How much work a color picture is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Workload {
     /// Gaussians that the view sees.
@@ -91,7 +91,7 @@ pub struct Renderer {
     pub(crate) gpu: Gpu,
     pub(crate) channels: usize,
     pub(crate) lister: Lister,
-    pub(crate) colour: Pass,
+    pub(crate) color: Pass,
     pub(crate) language: Pass,
     pub(crate) loss: Loss,
     pub(crate) reduce: Reduce,
@@ -106,7 +106,7 @@ pub struct Renderer {
 /// The cameras of the heads that a pass renders.
 #[derive(Clone, Copy)]
 pub(crate) struct Cameras<'a> {
-    pub(crate) colour: Option<&'a Camera>,
+    pub(crate) color: Option<&'a Camera>,
     pub(crate) language: Option<&'a Camera>,
 }
 
@@ -134,7 +134,7 @@ impl Renderer {
             gpu: gpu.clone(),
             channels,
             lister: Lister::new(gpu)?,
-            colour: Pass::new(gpu, 1, true, hits.max(1))?,
+            color: Pass::new(gpu, 1, true, hits.max(1))?,
             language: Pass::new(gpu, rows_for(channels), false, hits.max(1))?,
             loss: Loss::new(gpu)?,
             reduce: Reduce::new(gpu)?,
@@ -152,18 +152,18 @@ impl Renderer {
         self.ties = ties;
     }
 
-    /// Renders colour, depth and opacity.
+    /// Renders color, depth and opacity.
     ///
     /// # Errors
     /// [`GpuError::BadValue`] for a camera that cannot be used, [`GpuError::OutOfMemory`],
     /// [`GpuError::DeviceLost`].
-    pub fn render_colour(
+    pub fn render_color(
         &mut self,
         gaussians: &Gaussians,
         camera: &Camera,
-    ) -> Result<ColourImage, GpuError> {
+    ) -> Result<ColorImage, GpuError> {
         let (rows, opacity) = self.render(gaussians, camera, true)?;
-        Ok(ColourImage {
+        Ok(ColorImage {
             width: camera.width,
             height: camera.height,
             rgb: rows.iter().flat_map(|row| [row[0], row[1], row[2]]).collect(),
@@ -175,7 +175,7 @@ impl Renderer {
     /// Renders language codes and their opacity.
     ///
     /// # Errors
-    /// As [`Renderer::render_colour`].
+    /// As [`Renderer::render_color`].
     pub fn render_language(
         &mut self,
         gaussians: &Gaussians,
@@ -191,10 +191,10 @@ impl Renderer {
         })
     }
 
-    /// What each Gaussian gives to the colour picture of a camera.
+    /// What each Gaussian gives to the color picture of a camera.
     ///
     /// # Errors
-    /// As [`Renderer::render_colour`].
+    /// As [`Renderer::render_color`].
     pub fn contributions(
         &mut self,
         gaussians: &Gaussians,
@@ -204,7 +204,7 @@ impl Renderer {
         if gaussians.is_empty() {
             return Ok(Vec::new());
         }
-        let found = self.colour.contributions(&self.gpu, self.lister.ranks())?;
+        let found = self.color.contributions(&self.gpu, self.lister.ranks())?;
         Ok(found
             .into_iter()
             .map(|[weight, touched_pixels]| Contribution { weight, touched_pixels })
@@ -213,7 +213,7 @@ impl Renderer {
 
     /// Bytes of scratch on the device.
     pub fn device_bytes(&self) -> u64 {
-        self.lister.device_bytes() + self.colour.device_bytes() + self.language.device_bytes()
+        self.lister.device_bytes() + self.color.device_bytes() + self.language.device_bytes()
     }
 
     /// Makes room for a pass over both or one of the heads.
@@ -225,7 +225,7 @@ impl Renderer {
     ) -> Result<(), GpuError> {
         self.lister.reserve(&self.gpu, gaussians)?;
         for (camera, pass) in
-            [(cameras.colour, &mut self.colour), (cameras.language, &mut self.language)]
+            [(cameras.color, &mut self.color), (cameras.language, &mut self.language)]
         {
             if let Some(camera) = camera {
                 pass.reserve(&self.gpu, &self.lister.sort, (gaussians, camera), training)?;
@@ -244,7 +244,7 @@ impl Renderer {
         let tiling = self.gpu.tiling();
         let means = &arrays.means;
         for (camera, pass, head) in [
-            (cameras.colour, &mut self.colour, &arrays.colour),
+            (cameras.color, &mut self.color, &arrays.color),
             (cameras.language, &mut self.language, &arrays.language),
         ] {
             if let Some(camera) = camera {
@@ -253,7 +253,7 @@ impl Renderer {
             }
         }
         let heads: Vec<(&Pass, _)> = [
-            cameras.colour.map(|_| (&self.colour, &arrays.colour)),
+            cameras.color.map(|_| (&self.color, &arrays.color)),
             cameras.language.map(|_| (&self.language, &arrays.language)),
         ]
         .into_iter()
@@ -266,11 +266,11 @@ impl Renderer {
         }
     }
 
-    /// Renders colour, depth and opacity and leaves them on the device; nothing for an empty map.
+    /// Renders color, depth and opacity and leaves them on the device; nothing for an empty map.
     ///
     /// # Errors
-    /// As [`Renderer::render_colour`].
-    pub fn draw_colour(
+    /// As [`Renderer::render_color`].
+    pub fn draw_color(
         &mut self,
         gaussians: &Gaussians,
         camera: &Camera,
@@ -278,13 +278,13 @@ impl Renderer {
         if !self.draw_whole(gaussians, camera, true)? {
             return Ok(None);
         }
-        Ok(Some(Drawn { image: self.colour.image(), pixels: self.colour.pixels() }))
+        Ok(Some(Drawn { image: self.color.image(), pixels: self.color.pixels() }))
     }
 
-    /// How much work the colour picture of a camera is.
+    /// How much work the color picture of a camera is.
     ///
     /// # Errors
-    /// As [`Renderer::render_colour`].
+    /// As [`Renderer::render_color`].
     pub fn workload(
         &mut self,
         gaussians: &Gaussians,
@@ -296,8 +296,8 @@ impl Renderer {
         let tiling = self.gpu.tiling();
         let [columns, rows] = camera.tiles(tiling);
         let [width, height] = tiling.size();
-        let ranges = self.colour.ranges().read(&self.gpu, (columns * rows) as usize)?;
-        let pixels = self.colour.pixels().read(&self.gpu, camera.pixels())?;
+        let ranges = self.color.ranges().read(&self.gpu, (columns * rows) as usize)?;
+        let pixels = self.color.pixels().read(&self.gpu, camera.pixels())?;
         let mut ends: Vec<(u32, f32)> = vec![(0, 0.0); ranges.len()];
         for (at, pixel) in pixels.iter().enumerate() {
             let (x, y) = (at as u32 % camera.width, at as u32 / camera.width);
@@ -311,7 +311,7 @@ impl Renderer {
         });
         Ok(Workload {
             visible: self.lister.ranks().visible.read(&self.gpu, 1)?[0].count as usize,
-            hits: self.colour.hit_count().read(&self.gpu, 1)?[0].drawn as usize,
+            hits: self.color.hit_count().read(&self.gpu, 1)?[0].drawn as usize,
             evaluations: evaluated.sum::<u64>() * u64::from(width * height),
         })
     }
@@ -321,22 +321,22 @@ impl Renderer {
         &mut self,
         gaussians: &Gaussians,
         camera: &Camera,
-        colour: bool,
+        color: bool,
     ) -> Result<bool, GpuError> {
         check_camera(camera)?;
         expect_len("language_channels", self.channels, gaussians.language_channels())?;
         let Some(arrays) = gaussians.arrays().filter(|_| !gaussians.is_empty()) else {
             return Ok(false);
         };
-        let (colour_camera, language) = (colour.then_some(camera), (!colour).then_some(camera));
-        let cameras = Cameras { colour: colour_camera, language };
+        let (color_camera, language) = (color.then_some(camera), (!color).then_some(camera));
+        let cameras = Cameras { color: color_camera, language };
         let gpu = self.gpu.clone();
         loop {
             self.reserve(gaussians, cameras, false)?;
             let mut recorder = Recorder::new(&gpu)?;
             self.draw(&mut recorder, (arrays, gaussians.len()), cameras);
             recorder.submit();
-            let pass = if colour { &mut self.colour } else { &mut self.language };
+            let pass = if color { &mut self.color } else { &mut self.language };
             let count = pass.hit_count().read(&gpu, 1)?[0];
             if !pass.outgrown(count) {
                 return Ok(true);
@@ -348,14 +348,14 @@ impl Renderer {
         &mut self,
         gaussians: &Gaussians,
         camera: &Camera,
-        colour: bool,
+        color: bool,
     ) -> Result<(Vec<Row>, Vec<f32>), GpuError> {
-        let rows = if colour { 1 } else { rows_for(self.channels) };
+        let rows = if color { 1 } else { rows_for(self.channels) };
         let pixels = camera.pixels();
-        if !self.draw_whole(gaussians, camera, colour)? {
+        if !self.draw_whole(gaussians, camera, color)? {
             return Ok((vec![[0.0; 4]; rows * pixels], vec![0.0; pixels]));
         }
-        let pass = if colour { &self.colour } else { &self.language };
+        let pass = if color { &self.color } else { &self.language };
         let (image, states) = (rows * pixels * size_of::<Row>(), pixels * size_of::<PixelState>());
         let parts: [(&wgpu::Buffer, u64); 2] =
             [(pass.image(), image as u64), (pass.pixels(), states as u64)];

@@ -143,9 +143,9 @@ pub fn catalogue(channels: usize, tiling: Tiling, sort: SortShape) -> Vec<Shader
     shaders.extend(crate::tally::shaders());
     shaders.extend(crate::pyramid::shaders());
     shaders.extend(crate::align::shaders());
-    for (rows, colour) in [(1, true), (layout::rows_for(channels), false)] {
-        shaders.extend(crate::project::shaders(tiling, rows, colour));
-        shaders.extend(crate::blend::shaders(tiling, rows, colour));
+    for (rows, color) in [(1, true), (layout::rows_for(channels), false)] {
+        shaders.extend(crate::project::shaders(tiling, rows, color));
+        shaders.extend(crate::blend::shaders(tiling, rows, color));
     }
     shaders
 }

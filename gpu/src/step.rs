@@ -19,11 +19,11 @@ use crate::pass::{Pass, Training};
 use crate::project::MOVE_ROWS;
 use crate::reduce::Summands;
 use crate::render::{Cameras, Renderer, check_camera};
-use crate::target::{ColourTarget, LanguageTarget};
+use crate::target::{ColorTarget, LanguageTarget};
 
 /// Steps whose report may be outstanding.
 const IN_FLIGHT: usize = 2;
-/// Rows of results: colour; language; isotropic; tie; dL/drho; dL/dtheta.
+/// Rows of results: color; language; isotropic; tie; dL/drho; dL/dtheta.
 pub(crate) const RESULT_ROWS: usize = 6;
 /// Bytes of a step's report: results, and the hit counts of both heads.
 const REPORT_BYTES: u64 = (RESULT_ROWS * size_of::<Row>() + 2 * size_of::<HitCount>()) as u64;
@@ -31,13 +31,13 @@ const REPORT_BYTES: u64 = (RESULT_ROWS * size_of::<Row>() + 2 * size_of::<HitCou
 /// One view to learn from. The language camera has the label map's resolution and the same pose.
 #[derive(Clone, Copy)]
 pub struct TrainingView<'a> {
-    /// Camera of the colour target.
+    /// Camera of the color target.
     pub camera: &'a Camera,
-    /// Colour and depth, if they are to be learned.
-    pub colour: Option<&'a ColourTarget>,
+    /// Color and depth, if they are to be learned.
+    pub color: Option<&'a ColorTarget>,
     /// Codes, if they are to be learned, with their camera.
     pub language: Option<(&'a Camera, &'a LanguageTarget)>,
-    /// Exposure (a, b): the target shows exp(a) colour + b.
+    /// Exposure (a, b): the target shows exp(a) color + b.
     pub exposure: [f32; 2],
 }
 
@@ -46,7 +46,7 @@ pub struct TrainingView<'a> {
 pub struct StepReport {
     /// Terms of the loss.
     pub losses: Losses,
-    /// dL/dtau of the colour and depth terms, tau = (rho, theta) being a left perturbation of
+    /// dL/dtau of the color and depth terms, tau = (rho, theta) being a left perturbation of
     /// `camera_from_world`: per metre and per radian.
     pub pose_gradient: [f32; 6],
     /// dL/d(a, b) of the exposure.
@@ -72,7 +72,7 @@ struct Outstanding {
 #[derive(Clone)]
 struct Step {
     camera: Camera,
-    colour: Option<ColourTarget>,
+    color: Option<ColorTarget>,
     language: Option<(Camera, LanguageTarget)>,
     exposure: [f32; 2],
     weights: LossWeights,
@@ -83,7 +83,7 @@ struct Step {
 impl Step {
     fn cameras(&self) -> Cameras<'_> {
         Cameras {
-            colour: self.colour.as_ref().map(|_| &self.camera),
+            color: self.color.as_ref().map(|_| &self.camera),
             language: self.language.as_ref().map(|(camera, _)| camera),
         }
     }
@@ -104,14 +104,14 @@ impl Renderer {
         rates: &LearningRates,
     ) -> Result<(), GpuError> {
         self.check(gaussians, view)?;
-        if gaussians.is_empty() || (view.colour.is_none() && view.language.is_none()) {
+        if gaussians.is_empty() || (view.color.is_none() && view.language.is_none()) {
             self.settle(gaussians)?;
             self.ledger.last = StepReport::default();
             return Ok(());
         }
         let step = Step {
             camera: view.camera.clone(),
-            colour: view.colour.cloned(),
+            color: view.color.cloned(),
             language: view.language.map(|(camera, target)| (camera.clone(), target.clone())),
             exposure: view.exposure,
             weights: *weights,
@@ -124,7 +124,7 @@ impl Renderer {
         self.repeat_lost(gaussians)
     }
 
-    /// What a step on this view would find of colour and depth, without taking it: the losses, and the
+    /// What a step on this view would find of color and depth, without taking it: the losses, and the
     /// gradients of pose and exposure. Zeros for an empty map. Waits for the device.
     ///
     /// # Errors
@@ -132,11 +132,11 @@ impl Renderer {
     pub fn look(
         &mut self,
         gaussians: &Gaussians,
-        (camera, target): (&Camera, &ColourTarget),
+        (camera, target): (&Camera, &ColorTarget),
         exposure: [f32; 2],
         weights: &LossWeights,
     ) -> Result<StepReport, GpuError> {
-        let view = TrainingView { camera, colour: Some(target), language: None, exposure };
+        let view = TrainingView { camera, color: Some(target), language: None, exposure };
         self.check(gaussians, &view)?;
         while !self.ledger.outstanding.is_empty() {
             self.collect()?;
@@ -145,9 +145,9 @@ impl Renderer {
         if gaussians.is_empty() {
             return Ok(StepReport::default());
         }
-        let (camera, colour) = (camera.clone(), Some(target.clone()));
+        let (camera, color) = (camera.clone(), Some(target.clone()));
         let weights = LossWeights { isotropic: 0.0, ..*weights };
-        let step = Step { camera, colour, language: None, exposure, weights, rates: None };
+        let step = Step { camera, color, language: None, exposure, weights, rates: None };
         self.take(gaussians, step)?;
         self.collect()?;
         self.repeat_lost(gaussians)?;
@@ -207,7 +207,7 @@ impl Renderer {
         let mut recorder = Recorder::new(&gpu)?;
         recorder.clear(&self.results);
         self.draw(&mut recorder, (arrays, count), step.cameras());
-        self.record_colour(&mut recorder, (arrays, count), &step);
+        self.record_color(&mut recorder, (arrays, count), &step);
         self.record_language(&mut recorder, arrays, &step);
         self.record_shape(&mut recorder, (arrays, count), &step);
         if let Some(rates) = &step.rates {
@@ -216,7 +216,7 @@ impl Renderer {
         let results = self.results.size();
         recorder.copy(&self.results, (&report, 0), results);
         let counts =
-            [(step.colour.is_some(), &self.colour), (step.language.is_some(), &self.language)];
+            [(step.color.is_some(), &self.color), (step.language.is_some(), &self.language)];
         for (at, (_, pass)) in counts.iter().enumerate().filter(|(_, (used, _))| *used) {
             let bytes = size_of::<HitCount>() as u64;
             recorder.copy(pass.hit_count(), (&report, results + at as u64 * bytes), bytes);
@@ -242,7 +242,7 @@ impl Renderer {
         let counts: Vec<HitCount> = bytemuck::pod_collect_to_vec(counts);
         let mut whole = true;
         for (used, pass, count) in [
-            (oldest.step.colour.is_some(), &mut self.colour, counts[0]),
+            (oldest.step.color.is_some(), &mut self.color, counts[0]),
             (oldest.step.language.is_some(), &mut self.language, counts[1]),
         ] {
             whole &= !(used && pass.outgrown(count));
@@ -255,20 +255,20 @@ impl Renderer {
         Ok(())
     }
 
-    fn record_colour(
+    fn record_color(
         &mut self,
         recorder: &mut Recorder<'_>,
         (arrays, count): (&Arrays, usize),
         step: &Step,
     ) {
-        let Some(target) = &step.colour else { return };
-        let training = self.colour.training();
-        let buffers = (self.colour.image(), &training.image_gradients, &training.terms);
-        self.loss.colour(recorder, (target, step.exposure), &step.weights, buffers);
+        let Some(target) = &step.color else { return };
+        let training = self.color.training();
+        let buffers = (self.color.image(), &training.image_gradients, &training.terms);
+        self.loss.color(recorder, (target, step.exposure), &step.weights, buffers);
         let (ranks, pixels) = (self.lister.ranks(), step.camera.pixels());
         let terms = Summands { rows: &training.terms, len: pixels, row: (1, 0), limit: None };
         self.reduce.sum(recorder, terms, (&self.results, 0), &training.sums);
-        self.colour.backward(recorder, ranks, (&arrays.means, &arrays.colour));
+        self.color.backward(recorder, ranks, (&arrays.means, &arrays.color));
         for (row, slot) in [(1, 4), (2, 5)] {
             let moves = Summands {
                 rows: &training.gradients.moves,
@@ -298,21 +298,21 @@ impl Renderer {
         step: &Step,
     ) {
         let ranks = self.lister.ranks();
-        let (colour, language) = (&arrays.colour.geometry.values, &arrays.language.geometry.values);
+        let (color, language) = (&arrays.color.geometry.values, &arrays.language.geometry.values);
         let seen =
             |terms| Summands { rows: terms, len: count, row: (1, 0), limit: Some(&ranks.visible) };
-        if step.colour.is_some() && step.weights.isotropic > 0.0 {
-            let training = self.colour.training();
+        if step.color.is_some() && step.weights.isotropic > 0.0 {
+            let training = self.color.training();
             let outputs = (&training.gradients.geometry, &training.terms);
             let factor = (step.weights.isotropic, count);
-            self.loss.isotropic(recorder, factor, (ranks, colour), outputs);
+            self.loss.isotropic(recorder, factor, (ranks, color), outputs);
             self.reduce.sum(recorder, seen(&training.terms), (&self.results, 2), &training.sums);
         }
         if step.language.is_some() && step.weights.tie > 0.0 && !self.ties.scale {
             let training = self.language.training();
             let outputs = (&training.gradients.geometry, &training.terms);
             let factor = (step.weights.tie, count);
-            self.loss.tie(recorder, factor, (ranks, colour, language), outputs);
+            self.loss.tie(recorder, factor, (ranks, color, language), outputs);
             self.reduce.sum(recorder, seen(&training.terms), (&self.results, 3), &training.sums);
         }
     }
@@ -325,20 +325,20 @@ impl Renderer {
         learning: &LearningRates,
     ) {
         let ranks = self.lister.ranks();
-        let (colour, language) = (step.colour.is_some(), step.language.is_some());
+        let (color, language) = (step.color.is_some(), step.language.is_some());
         let used = |is_used, pass| if is_used { pass } else { None };
         let counts = [
-            used(colour, Some(&self.colour)).unwrap_or(&self.language).hit_count(),
-            used(language, Some(&self.language)).unwrap_or(&self.colour).hit_count(),
+            used(color, Some(&self.color)).unwrap_or(&self.language).hit_count(),
+            used(language, Some(&self.language)).unwrap_or(&self.color).hit_count(),
         ];
-        if colour && language && !self.ties.is_none() {
-            let both = (&self.colour.training().gradients, &self.language.training().gradients);
+        if color && language && !self.ties.is_none() {
+            let both = (&self.color.training().gradients, &self.language.training().gradients);
             self.tie.merge(recorder, (self.ties, count), both, ranks);
         }
         let tied = self.ties.rows();
         let free = tied.map(|row| row.map(|tied| 1.0 - tied));
         for (is_used, pass, head, rates) in [
-            (colour, &self.colour, &arrays.colour, &learning.colour),
+            (color, &self.color, &arrays.color, &learning.color),
             (language, &self.language, &arrays.language, &learning.language),
         ] {
             if !is_used {
@@ -355,25 +355,25 @@ impl Renderer {
             let is_language = std::ptr::eq(pass, &self.language);
             let share = if is_language { free } else { [[1.0; 4]; 2] };
             self.update_head(recorder, (head, pass, count), (rates, share));
-            if is_language && !colour && !self.ties.is_none() {
-                // The colour head has no gradient of its own in this step: the tied parameters
+            if is_language && !color && !self.ties.is_none() {
+                // The color head has no gradient of its own in this step: the tied parameters
                 // follow the language head's.
-                let geometry = scaled(learning.colour.geometry(), tied);
+                let geometry = scaled(learning.color.geometry(), tied);
                 let gradients = geometry_gradients(pass, (self.lister.ranks(), count));
-                self.adam.update(recorder, &arrays.colour.geometry, geometry, gradients);
+                self.adam.update(recorder, &arrays.color.geometry, geometry, gradients);
             }
         }
-        if colour {
-            let Training { gradients, corrections, .. } = self.colour.training();
+        if color {
+            let Training { gradients, corrections, .. } = self.color.training();
             let rows = (&gradients.moves, MOVE_ROWS);
             let gradients = Gradients { ranks, rows, corrections, count };
             self.adam.update(recorder, &arrays.means, [[learning.mean; 4]; 2], gradients);
-            self.tally.add(recorder, self.colour.found(ranks), &arrays.statistics);
+            self.tally.add(recorder, self.color.found(ranks), &arrays.statistics);
         }
         if !self.ties.is_none() {
-            let pass = if colour { &self.colour } else { &self.language };
+            let pass = if color { &self.color } else { &self.language };
             let moved = (ranks, &pass.training().corrections);
-            let heads = (&arrays.colour.geometry.values, &arrays.language.geometry.values);
+            let heads = (&arrays.color.geometry.values, &arrays.language.geometry.values);
             self.tie.copy(recorder, (self.ties, count), moved, heads);
         }
     }
@@ -396,7 +396,7 @@ impl Renderer {
 
     fn check(&self, gaussians: &Gaussians, view: &TrainingView<'_>) -> Result<(), GpuError> {
         expect_len("language_channels", self.channels, gaussians.language_channels())?;
-        if let Some(target) = view.colour {
+        if let Some(target) = view.color {
             check_size(view.camera, target.size())?;
         }
         if let Some((camera, target)) = view.language {
@@ -416,7 +416,7 @@ impl StepReport {
         let [rho, theta] = [rows[4], rows[5]];
         Self {
             losses: Losses {
-                colour: rows[0][0],
+                color: rows[0][0],
                 depth: rows[0][1],
                 language: rows[1][0],
                 isotropic: rows[2][0],

@@ -7,18 +7,18 @@ use crate::device::Gpu;
 use crate::error::{GpuError, expect_len};
 use crate::layout::{Row, rows_for};
 
-/// Colour and depth of one view.
+/// Color and depth of one view.
 #[derive(Clone)]
-pub struct ColourTarget {
-    inner: Arc<ColourInner>,
+pub struct ColorTarget {
+    inner: Arc<ColorInner>,
 }
 
-pub(crate) struct ColourInner {
+pub(crate) struct ColorInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// r, g, b and whether there is a colour (255), a byte each; then the depth's bits, metres, -1 for none.
+    /// r, g, b and whether there is a color (255), a byte each; then the depth's bits, metres, -1 for none.
     pub(crate) texels: Buffer<[u32; 2]>,
-    pub(crate) colour_pixels: usize,
+    pub(crate) color_pixels: usize,
     pub(crate) depth_pixels: usize,
 }
 
@@ -35,7 +35,7 @@ pub(crate) struct LanguageInner {
     pub(crate) rows: Buffer<Row>,
 }
 
-impl ColourTarget {
+impl ColorTarget {
     /// Uploads a view: `rgb8` is height x width x 3, `depth_metres` height x width; a depth that is
     /// not finite or not positive is no measurement.
     ///
@@ -50,11 +50,11 @@ impl ColourTarget {
         Self::masked(gpu, (width, height), rgb8, depth_metres, |_| true)
     }
 
-    /// As [`ColourTarget::new`], with colour only where `valid(pixel)`; pixels are counted row by
+    /// As [`ColorTarget::new`], with color only where `valid(pixel)`; pixels are counted row by
     /// row.
     ///
     /// # Errors
-    /// As [`ColourTarget::new`].
+    /// As [`ColorTarget::new`].
     pub fn masked(
         gpu: &Gpu,
         (width, height): (u32, u32),
@@ -69,18 +69,18 @@ impl ColourTarget {
         let texels: Vec<[u32; 2]> = (0..pixels)
             .map(|pixel| {
                 let [r, g, b] = [0, 1, 2].map(|channel| rgb8[3 * pixel + channel]);
-                let colour = if valid(pixel) { [r, g, b, u8::MAX] } else { [0; 4] };
+                let color = if valid(pixel) { [r, g, b, u8::MAX] } else { [0; 4] };
                 let depth = depth_metres[pixel];
                 let depth = if is_measured(depth) { depth } else { -1.0 };
-                [u32::from_le_bytes(colour), depth.to_bits()]
+                [u32::from_le_bytes(color), depth.to_bits()]
             })
             .collect();
-        let inner = ColourInner {
+        let inner = ColorInner {
             width,
             height,
-            colour_pixels: texels.iter().filter(|[colour, _]| *colour != 0).count(),
+            color_pixels: texels.iter().filter(|[color, _]| *color != 0).count(),
             depth_pixels: depth_metres.iter().filter(|depth| is_measured(**depth)).count(),
-            texels: Buffer::from_slice(gpu, "colour target", &texels)?,
+            texels: Buffer::from_slice(gpu, "color target", &texels)?,
         };
         Ok(Self { inner: Arc::new(inner) })
     }
@@ -95,7 +95,7 @@ impl ColourTarget {
         self.inner.texels.size()
     }
 
-    pub(crate) fn inner(&self) -> &ColourInner {
+    pub(crate) fn inner(&self) -> &ColorInner {
         &self.inner
     }
 }

@@ -53,10 +53,10 @@ def check_spz(path, splats):
             "metres": np.abs(read["means"] * flip - splats["means"][order]).max(),
             "log scale": np.abs(read["scales"] - np.clip(splats["log_scale"][order], -10, 5.9375)).max(),
             "opacity": np.abs(1 / (1 + np.exp(-read["opacities"].ravel())) - splats["opacity"][order]).max(),
-            "colour": np.abs(read["sh0"] - np.clip(splats["sh0"][order], -10 / 3, 10 / 3)).max() * SH_0,
+            "color": np.abs(read["sh0"] - np.clip(splats["sh0"][order], -10 / 3, 10 / 3)).max() * SH_0,
         }
 
-    limits = {"metres": 0.6 / 4096, "log scale": 0.51 / 16, "opacity": 0.51 / 255, "colour": 0.51 / 255 / 0.15 * SH_0}
+    limits = {"metres": 0.6 / 4096, "log scale": 0.51 / 16, "opacity": 0.51 / 255, "color": 0.51 / 255 / 0.15 * SH_0}
     count = len(splats["means"])
     found = differences(np.arange(count))
     assert all(found[key] <= limits[key] for key in limits), f"SPZ against PLY: {found}, at most {limits}"
@@ -96,7 +96,7 @@ def check_glb(path, splats):
 
     assert np.allclose(np.log(attribute("SCALE", 3)), splats["log_scale"], atol=1e-5), "glTF: scales are linear"
     assert np.allclose(attribute("OPACITY", 1)[:, 0], splats["opacity"], atol=1e-6), "glTF: opacities"
-    assert np.allclose(attribute("SH_DEGREE_0_COEF_0", 3), splats["sh0"], atol=1e-6), "glTF: colours"
+    assert np.allclose(attribute("SH_DEGREE_0_COEF_0", 3), splats["sh0"], atol=1e-6), "glTF: colors"
     rotation = np.roll(attribute("ROTATION", 4), 1, axis=-1)
     assert same_rotations(rotation, splats["rotation"], 0.999999), "glTF: rotations are x, y, z, w"
     assert not same_rotations(np.roll(rotation, 1, axis=0), splats["rotation"], 0.999999), "sees nothing"

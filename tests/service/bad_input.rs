@@ -25,10 +25,10 @@ fn bad_frames() -> Vec<(&'static str, &'static str, Spoil)> {
     vec![
         case("truncated JPEG", "color", |frame| frame.color.truncate(frame.color.len() / 2)),
         case("no JPEG", "color", |frame| frame.color = b"what is this".as_slice().into()),
-        case("no colour", "color", |frame| frame.color.clear()),
+        case("no color", "color", |frame| frame.color.clear()),
         case("100 megapixels", "color", |frame| frame.color = huge_png_header().into()),
         case("0x0 PNG", "color", |frame| frame.color = png_header(0, 0).into()),
-        case("unknown colour format", "color_format", |frame| frame.color_format = 77),
+        case("unknown color format", "color_format", |frame| frame.color_format = 77),
         case("truncated PNG", "depth", |frame| frame.depth.truncate(frame.depth.len() / 2)),
         case("depth of another size", "depth", |frame| {
             frame.set_depth_format(v1::DepthFormat::U16);
@@ -203,7 +203,7 @@ async fn bad_questions_get_problems() {
         (query, Some(json!({"text": "cup", "view": {"frame": 999}}).to_string()), 404, "999"),
         (query, Some(json!({"text": "cup", "threshold": 7}).to_string()), 400, "threshold"),
         (query, Some(json!({"text": "cup", "outputs": ["hologram"]}).to_string()), 400, "hologram"),
-        (query, Some(json!({"text": "cup", "colour": 1}).to_string()), 400, "colour"),
+        (query, Some(json!({"text": "cup", "color": 1}).to_string()), 400, "color"),
         (query, Some(json!({}).to_string()), 400, "text"),
         (query, Some("{\"text\": \"cup\"".into()), 400, "line 1"),
         ("/v1/maps/nowhere/query", Some(json!({"text": "cup"}).to_string()), 404, "nowhere"),

@@ -74,9 +74,9 @@ fn one_graph_says_what_three_do() {
 /// Pixels along one side of a cell of the bundle's grid, in the robot's views.
 const CELL: usize = 10;
 
-/// What a frame's heat map for a colour should be, cell by cell, from its pixels alone: the relevancy
-/// of the cell's mean colour, averaged over 3x3 cells as answers are over 20 pixels.
-fn expected(robot: &Robot, at: usize, colour: [f64; 3]) -> (usize, Vec<f64>) {
+/// What a frame's heat map for a color should be, cell by cell, from its pixels alone: the relevancy
+/// of the cell's mean color, averaged over 3x3 cells as answers are over 20 pixels.
+fn expected(robot: &Robot, at: usize, color: [f64; 3]) -> (usize, Vec<f64>) {
     let width = robot.camera.width as usize;
     let (columns, rows) = (width / CELL, robot.camera.height as usize / CELL);
     let relevancy = |cell: usize| {
@@ -89,7 +89,7 @@ fn expected(robot: &Robot, at: usize, colour: [f64; 3]) -> (usize, Vec<f64>) {
                 *mean += (f64::from(value) / 127.5 - 1.0) / (CELL * CELL) as f64;
             }
         }
-        let like = likeness(mean, colour);
+        let like = likeness(mean, color);
         let against = WORDS[3..].iter().map(|&(_, negative)| likeness(mean, negative));
         against.map(|other| 1.0 / (1.0 + (10.0 * (other - like)).exp())).fold(1.0, f64::min)
     };
@@ -124,17 +124,17 @@ async fn the_server_maps_and_answers_with_768_features_in_half_precision() {
     let mut config = tiny_config();
     config.language.models = folder.path().to_owned();
     let server = Server::start(config).await;
-    assert_eq!(server.engine.bundle(), "colours");
+    assert_eq!(server.engine.bundle(), "colors");
     let robot = Robot::new(3, 8);
     let acks = server.stream(&robot, "room").await;
     assert!(acks.iter().any(|ack| ack.keyframe), "the first frame is one");
     server.settled("room").await;
 
-    for (word, colour) in [WORDS[0], WORDS[2]] {
+    for (word, color) in [WORDS[0], WORDS[2]] {
         let answer = ask(&server, word, 0).await;
         let peak = &answer["peak"];
         let pixel = |axis: &str| peak[axis].as_f64().unwrap_or_else(|| panic!("{answer}")) as usize;
-        let (columns, expected) = expected(&robot, 0, colour);
+        let (columns, expected) = expected(&robot, 0, color);
         let highest = expected.iter().copied().fold(0.0, f64::max);
         let here = expected[pixel("y") / CELL * columns + pixel("x") / CELL] / highest;
         let chance = expected.iter().filter(|&&value| value > 0.7 * highest).count() as f64

@@ -122,7 +122,7 @@ async fn answers_over_http(server: &Server, robot: &Robot, (class, frame): (&str
     assert!(space["coverage"].as_f64().expect("a share") > 0.5, "most has language: {space}");
 }
 
-/// The map's colours look like what the robot saw; another frame's do not.
+/// The map's colors look like what the robot saw; another frame's do not.
 async fn renders_like_the_frame(server: &Server, robot: &Robot, frame: usize) {
     let path = format!("/v1/maps/room/render?frame={frame}&channel=color");
     let png = reqwest::get(server.url(&path)).await.expect("it answers").bytes().await;

@@ -25,8 +25,8 @@ struct Sent {
     frame: v1::Frame,
 }
 
-/// Raw colours of a view instead of its JPEG.
-fn with_colours(mut frame: v1::Frame, rgb: Vec<u8>) -> v1::Frame {
+/// Raw colors of a view instead of its JPEG.
+fn with_colors(mut frame: v1::Frame, rgb: Vec<u8>) -> v1::Frame {
     frame.set_color_format(v1::ColorFormat::Rgb8);
     frame.color = rgb.into();
     frame
@@ -50,8 +50,8 @@ fn walk(robot: &Robot) -> Vec<Sent> {
             let frame = robot.frame(view);
             let pixels = 3 * (robot.camera.width * robot.camera.height) as usize;
             let frame = match view {
-                at if BLACK.contains(&at) => with_colours(frame, vec![0; pixels]),
-                at if BLURRED.contains(&at) => with_colours(frame, blurred(robot, at)),
+                at if BLACK.contains(&at) => with_colors(frame, vec![0; pixels]),
+                at if BLURRED.contains(&at) => with_colors(frame, blurred(robot, at)),
                 _ => frame,
             };
             Sent { view, frame }

@@ -1,7 +1,7 @@
-//! Bundles of networks that are made on the spot: random weights, but they know colours.
+//! Bundles of networks that are made on the spot: random weights, but they know colors.
 //!
 //! A pixel's 32-D code is the direction of Q (r, g, b, 1/2) and its 768-D feature that of P times the
-//! code, with random orthonormal Q and P; a word is P Q of the colour that it names. Everything that
+//! code, with random orthonormal Q and P; a word is P Q of the color that it names. Everything that
 //! lies between a frame and an answer must hold for "red" to be found.
 
 use crate::onnx::{Kind, Node, Weight, model, node, value, weight};
@@ -21,7 +21,7 @@ const STRIDE: usize = 4;
 const GRID: [usize; 2] = [IMAGE[1] / STRIDE, IMAGE[0] / STRIDE];
 /// What keeps black from having no direction.
 const GREY: f64 = 0.5;
-/// The words that the bundle knows, each with its colour on the scale -1..1.
+/// The words that the bundle knows, each with its color on the scale -1..1.
 pub const WORDS: [(&str, [f64; 3]); 7] = [
     ("red", [1.0, -1.0, -1.0]),
     ("green", [-1.0, 1.0, -1.0]),
@@ -32,7 +32,7 @@ pub const WORDS: [(&str, [f64; 3]); 7] = [
     ("texture", [0.4, 0.4, 0.4]),
 ];
 
-/// How much a colour is like another, as the networks see it: the cosine of (r, g, b, 1/2).
+/// How much a color is like another, as the networks see it: the cosine of (r, g, b, 1/2).
 pub fn likeness(a: [f64; 3], b: [f64; 3]) -> f64 {
     let dot =
         |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() + GREY * GREY;
@@ -97,10 +97,10 @@ impl Made {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let to_code = orthonormal(&mut random, CODE, 4);
         let to_feature = orthonormal(&mut random, FEATURE, CODE);
-        let (colours, grey) = (to_code.columns(0, 3).clone_owned(), to_code.column(3) * GREY);
+        let (colors, grey) = (to_code.columns(0, 3).clone_owned(), to_code.column(3) * GREY);
         let mut files = match form {
-            Form::Folded(kind) => vec![("vision.onnx", vision(kind, &colours, grey.as_slice()))],
-            Form::Stages => stages(&to_feature, &colours, grey.as_slice()),
+            Form::Folded(kind) => vec![("vision.onnx", vision(kind, &colors, grey.as_slice()))],
+            Form::Stages => stages(&to_feature, &colors, grey.as_slice()),
         };
         files.push(("decompress.onnx", decompress(&to_feature)));
         files.push(("text.onnx", text(&(&to_feature * &to_code))));
@@ -126,9 +126,9 @@ impl Made {
     }
 }
 
-fn vision(kind: Kind, colours: &DMatrix<f64>, grey: &[f64]) -> Vec<u8> {
+fn vision(kind: Kind, colors: &DMatrix<f64>, grey: &[f64]) -> Vec<u8> {
     let (mean, kernel) = means(kind, "cells");
-    let [matrix, bias] = pointwise(["q", "grey"], kind, colours, grey);
+    let [matrix, bias] = pointwise(["q", "grey"], kind, colors, grey);
     model(
         vec![mean, node("Conv", &["cells", "q", "grey"], "raw", &[]), unit("raw", "codes")],
         vec![kernel, matrix, bias],
@@ -139,7 +139,7 @@ fn vision(kind: Kind, colours: &DMatrix<f64>, grey: &[f64]) -> Vec<u8> {
 
 fn stages(
     to_feature: &DMatrix<f64>,
-    colours: &DMatrix<f64>,
+    colors: &DMatrix<f64>,
     grey: &[f64],
 ) -> Vec<(&'static str, Vec<u8>)> {
     let kind = Kind::F32;
@@ -147,7 +147,7 @@ fn stages(
     let [up, up_bias] = pointwise(
         ["up", "grey"],
         kind,
-        &(to_feature * colours),
+        &(to_feature * colors),
         (to_feature * DMatrix::from_column_slice(CODE, 1, grey)).as_slice(),
     );
     let [down, none] = pointwise(["down", "none"], kind, &to_feature.transpose(), &[0.0; CODE]);
@@ -184,11 +184,11 @@ pub fn decompress(to_feature: &DMatrix<f64>) -> Vec<u8> {
     )
 }
 
-/// Tokens -> the mean of their colours' features.
-fn text(feature_from_colour: &DMatrix<f64>) -> Vec<u8> {
+/// Tokens -> the mean of their colors' features.
+fn text(feature_from_color: &DMatrix<f64>) -> Vec<u8> {
     let mut table = Vec::new();
     for (_, [r, g, b]) in WORDS {
-        let feature = feature_from_colour * DMatrix::from_column_slice(4, 1, &[r, g, b, GREY]);
+        let feature = feature_from_color * DMatrix::from_column_slice(4, 1, &[r, g, b, GREY]);
         table.extend(feature.normalize().iter().map(|&value| value as f32));
     }
     let table = weight("table", Kind::F32, &[WORDS.len(), FEATURE], &table);
@@ -232,7 +232,7 @@ fn manifest(form: Form) -> String {
         ),
     };
     format!(
-        "name = \"colours\"\nversion = \"1\"\nlicence = \"MIT\"\nfeature_size = {FEATURE}\n\
+        "name = \"colors\"\nversion = \"1\"\nlicence = \"MIT\"\nfeature_size = {FEATURE}\n\
          code_size = {CODE}\n\n[image]\nwidth = {columns}\nheight = {rows}\nfit = \"squash\"\n\
          channel_order = \"rgb\"\nmean = [127.5, 127.5, 127.5]\nstd = [127.5, 127.5, 127.5]\n\n\
          {vision}decoder = {{ file = \"decompress.onnx\", input = \"codes\", \

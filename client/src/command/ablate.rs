@@ -63,7 +63,7 @@ const OPACITY: (&str, &str) = ("MAPPER__TIES__OPACITY", "true");
 /// What is measured, in the order of the table.
 const VARIANTS: [Variant; 12] = [
     Variant::oracle("disentangled", "the default: each head has its own shape", &[]),
-    Variant::oracle("joint", "one shape for colour and language", &[ROTATION, SCALE, OPACITY]),
+    Variant::oracle("joint", "one shape for color and language", &[ROTATION, SCALE, OPACITY]),
     Variant::oracle("tied-rotation", "one rotation", &[ROTATION]),
     Variant::oracle("tied-scale", "one scale", &[SCALE]),
     Variant::oracle("tied-opacity", "one opacity", &[OPACITY]),

@@ -34,7 +34,7 @@ pub struct Export {
 enum Format {
     /// Gaussians as splat viewers read them
     Ply,
-    /// Centres of the Gaussians with their colours, as PLY
+    /// Centres of the Gaussians with their colors, as PLY
     Points,
     /// Camera poses: timestamp tx ty tz qx qy qz qw
     Tum,
@@ -42,7 +42,7 @@ enum Format {
     Spz,
     /// Gaussians in glTF
     Glb,
-    /// Triangles with colours and language, as PLY
+    /// Triangles with colors and language, as PLY
     Mesh,
     /// Language codes and shapes of the Gaussians, in the order of ply, as npz
     Language,

@@ -50,7 +50,7 @@ pub struct Query {
     json: bool,
 }
 
-/// Colour of boxes in pictures.
+/// Color of boxes in pictures.
 pub const BOX: Rgb<u8> = Rgb([255, 214, 10]);
 /// More boxes than these hide the picture.
 pub const MOST_BOXES: usize = 3;

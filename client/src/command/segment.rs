@@ -9,7 +9,7 @@ use lexsplat_client::http::{HttpClient, LegendEntry, Question, Segmentation};
 use lexsplat_client::overlay;
 use std::path::Path;
 
-/// Share of the labels' colours in the overlay.
+/// Share of the labels' colors in the overlay.
 const STRENGTH: f32 = 0.55;
 
 /// What was asked, and how the answer is shown.
@@ -52,7 +52,7 @@ pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The picture in the labels' colours, with a line for each text above it.
+/// The picture in the labels' colors, with a line for each text above it.
 fn shown(picture: &RgbImage, labels: &image::RgbaImage, legend: &[LegendEntry]) -> RgbImage {
     let mut picture = picture.clone();
     let (width, height) = picture.dimensions();
@@ -116,13 +116,13 @@ mod tests {
     }
 
     #[test]
-    fn labels_colour_the_picture_and_the_legend_names_them() {
+    fn labels_color_the_picture_and_the_legend_names_them() {
         let picture = RgbImage::from_pixel(80, 10, Rgb([100; 3]));
         let mut labels = RgbaImage::from_pixel(40, 5, Rgba([0, 0, 0, 0]));
         labels.put_pixel(39, 4, Rgba([255, 128, 0, 255]));
         let found = shown(&picture, &labels, &[entry("cup", 0.1), entry("sofa", 0.0)]);
         assert_eq!(found.dimensions(), (80, SWATCH + 10), "only what is there has a line");
-        assert_eq!(*found.get_pixel(0, SWATCH), Rgb([100; 3]), "no label, no colour");
+        assert_eq!(*found.get_pixel(0, SWATCH), Rgb([100; 3]), "no label, no color");
         assert_eq!(*found.get_pixel(79, SWATCH + 9), Rgb([185, 115, 45]));
         assert_eq!(*found.get_pixel(3, 3), Rgb([255, 128, 0]));
         assert_eq!(color("red"), [0; 3]);

@@ -72,7 +72,7 @@ pub(super) fn check_size(path: &Path, expected: (u32, u32)) -> Result<(), Datase
     Err(DatasetError::content(path, reason))
 }
 
-/// A colour picture, unchanged.
+/// A color picture, unchanged.
 pub(super) fn color(path: &Path) -> Result<Color, DatasetError> {
     const PNG_MAGIC: &[u8] = b"\x89PNG";
     const JPEG_MAGIC: &[u8] = b"\xff\xd8";

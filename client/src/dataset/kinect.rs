@@ -1,24 +1,24 @@
-//! The Kinect's two cameras: colour as the depth camera would have seen it.
+//! The Kinect's two cameras: color as the depth camera would have seen it.
 //!
-//! 7-Scenes comes unregistered: one set of intrinsics is given for both cameras, but the colour
-//! camera has another focal length and sits beside the other. What the colour camera is was measured on
-//! 25 frames of `redkitchen`: it is where edges of depth lie on edges of colour (their mean contrast there is
+//! 7-Scenes comes unregistered: one set of intrinsics is given for both cameras, but the color
+//! camera has another focal length and sits beside the other. What the color camera is was measured on
+//! 25 frames of `redkitchen`: it is where edges of depth lie on edges of color (their mean contrast there is
 //! 22 of 255 against 10 with the depth camera's intrinsics, which is no more than anywhere). Others found
 //! the same within a few pixels (525, 0.026 m).
 //!
-//! In: a colour picture and the depth of the same exposure. Out: a colour picture of the depth camera's
-//! pixels. Near edges of depth the colour of what is in front may be seen twice.
+//! In: a color picture and the depth of the same exposure. Out: a color picture of the depth camera's
+//! pixels. Near edges of depth the color of what is in front may be seen twice.
 
 use image::{Rgb, RgbImage};
 
 /// The depth camera: fx, fy, cx, cy, of 640x480 pixels.
 pub(super) const DEPTH: [f64; 4] = [585.0, 585.0, 320.0, 240.0];
-/// The colour camera: fx, fy, cx, cy, of 640x480 pixels.
+/// The color camera: fx, fy, cx, cy, of 640x480 pixels.
 const COLOR: [f64; 4] = [527.0, 527.0, 322.0, 238.0];
-/// How much further left a thing stands for the colour camera, metres.
+/// How much further left a thing stands for the color camera, metres.
 const BASELINE: f64 = 0.0296;
 
-/// Colour at the pixels of `depth` (millimetres, row by row, 0 is no measurement), both of one size.
+/// Color at the pixels of `depth` (millimetres, row by row, 0 is no measurement), both of one size.
 ///
 /// Where nothing was measured the last measurement of the row counts, or the first; in a row without
 /// any, what is far away.
@@ -37,7 +37,7 @@ pub(super) fn registered(color: &RgbImage, depth: &[u16]) -> RgbImage {
     seen
 }
 
-/// Where the colour camera sees what the depth camera sees at a pixel, `metres` away.
+/// Where the color camera sees what the depth camera sees at a pixel, `metres` away.
 fn place(column: u32, row: u32, metres: f64) -> [f64; 2] {
     let ([fx, fy, cx, cy], [cfx, cfy, ccx, ccy]) = (DEPTH, COLOR);
     let x = (f64::from(column) - cx) / fx - BASELINE / metres;
@@ -45,7 +45,7 @@ fn place(column: u32, row: u32, metres: f64) -> [f64; 2] {
     [cfx * x + ccx, cfy * y + ccy]
 }
 
-/// The colour between pixels; beyond the border that of the border.
+/// The color between pixels; beyond the border that of the border.
 fn bilinear(color: &RgbImage, [x, y]: [f64; 2]) -> Rgb<u8> {
     let (width, height) = color.dimensions();
     let (x, y) = (x.clamp(0.0, f64::from(width - 1)), y.clamp(0.0, f64::from(height - 1)));
@@ -65,20 +65,20 @@ fn bilinear(color: &RgbImage, [x, y]: [f64; 2]) -> Rgb<u8> {
 mod tests {
     use super::*;
 
-    /// A colour picture in which every pixel says where it is.
+    /// A color picture in which every pixel says where it is.
     fn places() -> RgbImage {
         RgbImage::from_fn(640, 480, |x, y| Rgb([(x / 4) as u8, (y / 4) as u8, 0]))
     }
 
     #[test]
-    fn each_pixel_has_the_colour_of_its_own_ray() {
+    fn each_pixel_has_the_color_of_its_own_ray() {
         // At 1 m the middle of the depth camera lies 527 * 0.0296 = 15.6 pixels left of the middle.
         let seen = registered(&places(), &vec![1000; 640 * 480]);
         assert_eq!(
             seen.get_pixel(320, 240).0[..2],
             [(306.4_f64 / 4.0) as u8, (238.0_f64 / 4.0) as u8]
         );
-        // 100 pixels to the right are 100 * 527 / 585 = 90.1 in the colour camera.
+        // 100 pixels to the right are 100 * 527 / 585 = 90.1 in the color camera.
         let [right, ..] = seen.get_pixel(420, 240).0;
         assert_eq!(right, ((306.4 + 90.1) / 4.0) as u8);
         // Negative control: nearer things are further left.

@@ -1,6 +1,6 @@
 //! RGB-D **data sets**: folders in several layouts and the synthetic room behind one trait.
 //!
-//! In: a [`DatasetSpec`] such as `replica:room7`. Out: frames as the server takes them: colour as
+//! In: a [`DatasetSpec`] such as `replica:room7`. Out: frames as the server takes them: color as
 //! JPEG or PNG bytes, depth as 16-bit PNG bytes in units of
 //! [`Dataset::depth_unit_metres`], `world_from_camera` in metres (camera x right, y down,
 //! z forward). What is ground truth about things, not needed for mapping, is [`Truth`]. One file per
@@ -41,7 +41,7 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
-/// A colour picture as it is stored.
+/// A color picture as it is stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Color {
     /// How the bytes are to be read.
@@ -59,7 +59,7 @@ pub struct Depth {
     pub bytes: Vec<u8>,
 }
 
-/// Colour, depth registered to it, and where it was taken.
+/// Color, depth registered to it, and where it was taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RgbdFrame {
     /// The frame's number in the data set, strictly increasing.

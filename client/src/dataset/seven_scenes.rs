@@ -1,7 +1,7 @@
 //! 7-Scenes layout: `frame-%06d.color.jpg` (or `.png`), `frame-%06d.depth.png` (millimetres; 0 and
 //! 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and optionally
 //! `camera-intrinsics.txt` (3x3; the Kinect's 585, 585, 320, 240 if missing). Numbers may have gaps:
-//! a frame keeps its number. With the Kinect's own intrinsics colour is not registered to depth in these
+//! a frame keeps its number. With the Kinect's own intrinsics color is not registered to depth in these
 //! files, and is brought there ([`kinect`]); with other intrinsics it is taken as it is.
 
 use super::{
@@ -106,13 +106,13 @@ fn written(
 }
 
 impl SevenScenes {
-    /// Whether the files are the Kinect's, colour and depth each from its own camera.
+    /// Whether the files are the Kinect's, color and depth each from its own camera.
     fn is_unregistered(&self) -> bool {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
     }
 
-    /// Colour at the depth's pixels.
+    /// Color at the depth's pixels.
     fn color(&self, entry: &Entry, units: &Units) -> Result<Color, DatasetError> {
         let color = files::color(&entry.color)?;
         if !self.is_unregistered() {

@@ -55,7 +55,7 @@ impl Dice {
         rgb(self.pick(&BRIGHTS))
     }
 
-    pub fn fabric_colour(&mut self) -> V3 {
+    pub fn fabric_color(&mut self) -> V3 {
         rgb(self.pick(&FABRICS))
     }
 
@@ -67,7 +67,7 @@ impl Dice {
 
     /// Upholstery: woven, plaid, striped or leather.
     pub fn upholstery(&mut self) -> Texture {
-        let a = self.fabric_colour();
+        let a = self.fabric_color();
         match self.count(0, 4) {
             0 => Texture::Leather(rgb(self.pick(&[0x6b3e26, 0x3a2a22, 0x8a6a4a, 0x2c3238]))),
             1 => Texture::Plaid { ground: a, band: a * 0.35 },
@@ -87,7 +87,7 @@ impl Dice {
     }
 }
 
-/// The two colours of a wood.
+/// The two colors of a wood.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wood {
     base: V3,

@@ -57,7 +57,7 @@ impl Furnisher {
                 size: d.pick(&[0.3, 0.4]),
             },
             1 => {
-                let a = d.fabric_colour();
+                let a = d.fabric_color();
                 Texture::Carpet { a: a.mix(rgb(0xd8d0c0), 0.5), b: a.mix(rgb(0x9a9284), 0.5) }
             }
             _ => d.wood().planks(),
@@ -334,6 +334,6 @@ fn wall_paint(d: &mut Dice) -> Material {
     if d.chance(0.5) {
         return matt(Texture::Plaster(ground));
     }
-    let motif = ground.mix(d.fabric_colour(), 0.4);
+    let motif = ground.mix(d.fabric_color(), 0.4);
     matt(Texture::Wallpaper { ground, motif, kind: d.count(0, 2) as u32 })
 }

@@ -1,6 +1,6 @@
 //! Light baked once per room: for every light texel of every patch the irradiance (linear RGB) from
 //! the lamps and the window with soft shadows, and one bounce off the other surfaces, which gives
-//! darkened corners and colour bleeding. In: mesh, hierarchy, lights; out: [`Baked`]. View-independent:
+//! darkened corners and color bleeding. In: mesh, hierarchy, lights; out: [`Baked`]. View-independent:
 //! highlights are the renderer's.
 
 use super::bvh::{Bvh, Ray};

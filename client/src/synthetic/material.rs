@@ -22,7 +22,7 @@ pub(crate) struct At {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Texture {
     Plain(V3),
-    /// Painted plaster: the colour with a faint unevenness.
+    /// Painted plaster: the color with a faint unevenness.
     Plaster(V3),
     /// Solid wood with its grain along the given object axis.
     Wood {
@@ -35,7 +35,7 @@ pub(crate) enum Texture {
         base: V3,
         dark: V3,
     },
-    /// Square tiles of the given size in two colours with grout.
+    /// Square tiles of the given size in two colors with grout.
     Tiles {
         a: V3,
         b: V3,
@@ -205,8 +205,8 @@ fn planks(x: f32, y: f32, base: V3, dark: V3) -> V3 {
     let seam = step(0.0, 0.005, fy) * step(0.0, 0.005, fx);
     let offset = tone * 40.0;
     let grain = fractal(x * 4.0 + offset, y * 60.0 + offset, 83);
-    let colour = base.mix(dark, (0.55 * grain + 0.5 * tone - 0.1).clamp(0.0, 1.0));
-    colour * (0.45 + 0.55 * seam)
+    let color = base.mix(dark, (0.55 * grain + 0.5 * tone - 0.1).clamp(0.0, 1.0));
+    color * (0.45 + 0.55 * seam)
 }
 
 fn tiles(x: f32, y: f32, a: V3, b: V3) -> V3 {

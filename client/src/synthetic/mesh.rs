@@ -1,6 +1,6 @@
 //! The scene as patches. A patch is a surface f(u, v) over the unit square: a grid of triangles to
 //! hit and a grid of light texels to bake. In: shape functions in an object's own frame (metres);
-//! out: [`Mesh`] in the world. It knows nothing of cameras or colours beyond carrying materials.
+//! out: [`Mesh`] in the world. It knows nothing of cameras or colors beyond carrying materials.
 
 use super::material::Material;
 use super::vector::{Placement, V3};

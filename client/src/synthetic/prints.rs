@@ -15,7 +15,7 @@ pub(crate) enum Print {
     Pages,
     Label { paper: V3, ink: V3 },
     Clock { face: V3, ink: V3 },
-    Rug { colours: [V3; 3], seed: u32 },
+    Rug { colors: [V3; 3], seed: u32 },
     Desktop(u32),
     Keyboard,
     Broadcast(u32),
@@ -38,7 +38,7 @@ pub(crate) fn albedo(print: Print, at: &At) -> V3 {
             paper.mix(ink, lines.max(1.0 - step(0.03, 0.05, t)).max(step(0.95, 0.97, t)))
         }
         Print::Clock { face, ink } => clock(u, t, face, ink),
-        Print::Rug { colours, seed } => rug(at, colours, seed),
+        Print::Rug { colors, seed } => rug(at, colors, seed),
         Print::Desktop(seed) => desktop(u, t, seed),
         Print::Keyboard => {
             let (x, y) = ((u * 13.0).rem_euclid(1.0), (t * 5.0).rem_euclid(1.0));
@@ -58,14 +58,14 @@ pub(crate) fn albedo(print: Print, at: &At) -> V3 {
 
 fn painting(u: f32, t: f32, seed: u32) -> V3 {
     let canvas = 0.92 + 0.12 * noise(u * 90.0, t * 90.0, seed);
-    let colour = match seed % 5 {
+    let color = match seed % 5 {
         0 => landscape(u, t, seed),
         1 => blocks(u, t, seed),
         2 => still_life(u, t, seed),
         3 => sunset(u, t, seed),
         _ => brushwork(u, t, seed),
     };
-    colour * canvas
+    color * canvas
 }
 
 /// Sky, two ranges of hills, a meadow.
@@ -73,17 +73,17 @@ fn landscape(u: f32, t: f32, seed: u32) -> V3 {
     let s = seed as f32;
     let sky = rgb(0xbfdcf2).mix(rgb(0x4f8fd0), t);
     let cloud = step(0.5, 0.75, fractal(u * 5.0 + s, t * 9.0, seed ^ 5)) * step(0.5, 0.6, t);
-    let mut colour = sky.mix(v(0.9, 0.9, 0.92), cloud * 0.85);
+    let mut color = sky.mix(v(0.9, 0.9, 0.92), cloud * 0.85);
     for (height, spread, near) in [(0.52, 2.5, rgb(0x6f8fa8)), (0.4, 4.0, rgb(0x4d7a4a))] {
         let ridge = height + 0.16 * (noise(u * spread + s, 0.5, seed ^ 9) - 0.5);
         let shade = 0.8 + 0.4 * noise(u * 20.0, t * 20.0, seed ^ 11);
-        colour = colour.mix(near * shade, step(0.0, 0.01, ridge - t));
+        color = color.mix(near * shade, step(0.0, 0.01, ridge - t));
     }
     let meadow = rgb(0x7fa04a).mix(rgb(0x45692c), noise(u * 30.0, t * 60.0, seed ^ 13));
-    colour.mix(meadow, step(0.0, 0.01, 0.24 + 0.04 * (u * 7.0 + s).sin() - t))
+    color.mix(meadow, step(0.0, 0.01, 0.24 + 0.04 * (u * 7.0 + s).sin() - t))
 }
 
-/// Rectangles of strong colour between dark bars.
+/// Rectangles of strong color between dark bars.
 fn blocks(u: f32, t: f32, seed: u32) -> V3 {
     let palette =
         [rgb(0xf2efe6), rgb(0xc8281e), rgb(0x1f4fa0), rgb(0xf0c020), rgb(0xf2efe6), rgb(0x202020)];
@@ -98,23 +98,23 @@ fn blocks(u: f32, t: f32, seed: u32) -> V3 {
         (cell, edge)
     };
     let ((cx, ex), (cy, ey)) = (cut(u, 17), cut(t, 19));
-    let colour = palette[(hash(cx, cy, seed) * 5.99) as usize];
-    v(0.02, 0.02, 0.02).mix(colour, step(0.012, 0.018, ex.min(ey)))
+    let color = palette[(hash(cx, cy, seed) * 5.99) as usize];
+    v(0.02, 0.02, 0.02).mix(color, step(0.012, 0.018, ex.min(ey)))
 }
 
 /// Fruit on a cloth before a dark ground.
 fn still_life(u: f32, t: f32, seed: u32) -> V3 {
     let back = rgb(0x4a3a30).mix(rgb(0x7a6248), fractal(u * 3.0, t * 3.0, seed));
-    let mut colour = back.mix(rgb(0xd9cfb8), step(0.0, 0.02, 0.36 - t));
+    let mut color = back.mix(rgb(0xd9cfb8), step(0.0, 0.02, 0.36 - t));
     let fruit = [rgb(0xc0301c), rgb(0xe08a1c), rgb(0x8fa02c), rgb(0xd8b830), rgb(0x6a2c50)];
     for (i, &c) in fruit.iter().enumerate() {
         let (cx, cy) = (0.2 + 0.15 * i as f32, 0.36 + 0.14 * hash(i as i32, 1, seed));
         let r = 0.09 + 0.05 * hash(i as i32, 2, seed);
         let (dx, dy) = (u - cx, t - cy);
         let light = 0.55 + 0.6 * ((dy - dx) / r).clamp(-1.0, 1.0) * 0.5 + 0.3;
-        colour = colour.mix(c * light, 1.0 - step(r - 0.008, r, dx.hypot(dy)));
+        color = color.mix(c * light, 1.0 - step(r - 0.008, r, dx.hypot(dy)));
     }
-    colour
+    color
 }
 
 /// A low sun over water.
@@ -129,7 +129,7 @@ fn sunset(u: f32, t: f32, seed: u32) -> V3 {
     water.mix(above, step(0.42, 0.43, t))
 }
 
-/// Sweeps of paint in three colours.
+/// Sweeps of paint in three colors.
 fn brushwork(u: f32, t: f32, seed: u32) -> V3 {
     let hue = |k: i32| v(hash(k, 1, seed), hash(k, 2, seed), hash(k, 3, seed)) * 0.75;
     let bend = fractal(u * 2.0, t * 2.0, seed) * 3.0;
@@ -202,13 +202,13 @@ fn rug(at: &At, [ground, border, accent]: [V3; 3], seed: u32) -> V3 {
 fn desktop(u: f32, t: f32, seed: u32) -> V3 {
     let wall = rgb(0x1c4a8c).mix(rgb(0x56b0d8), (u * 0.6 + t * 0.5).clamp(0.0, 1.0));
     let bar = 1.0 - step(0.07, 0.075, t);
-    let mut colour = wall.mix(v(0.08, 0.09, 0.11), bar);
+    let mut color = wall.mix(v(0.08, 0.09, 0.11), bar);
     let inside = |x0: f32, x1: f32, y0: f32, y1: f32| u > x0 && u < x1 && t > y0 && t < y1;
     if inside(0.1, 0.62, 0.2, 0.9) {
         let row = (t * 24.0).floor();
         let length = 0.14 + 0.45 * hash(row as i32, 1, seed);
         let text = step(0.35, 0.5, (t * 24.0 - row - 0.5).abs() * -2.0 + 1.0) > 0.5 && u < length;
-        colour = if t > 0.85 {
+        color = if t > 0.85 {
             rgb(0x3c3f44)
         } else if text && u > 0.13 {
             rgb(0x3a4a5a)
@@ -218,9 +218,9 @@ fn desktop(u: f32, t: f32, seed: u32) -> V3 {
     } else if inside(0.66, 0.93, 0.35, 0.8) {
         let bars = ((u - 0.66) / 0.045).floor();
         let tall = 0.38 + 0.36 * hash(bars as i32, 2, seed);
-        colour = if t < tall { rgb(0xe07a30) } else { rgb(0x24303c) };
+        color = if t < tall { rgb(0xe07a30) } else { rgb(0x24303c) };
     }
-    colour
+    color
 }
 
 fn broadcast(u: f32, t: f32, seed: u32) -> V3 {

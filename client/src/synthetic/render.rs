@@ -1,4 +1,4 @@
-//! Rendering a view: one ray through every pixel centre gives exact depth and instance ids; colour
+//! Rendering a view: one ray through every pixel centre gives exact depth and instance ids; color
 //! is the mean of four samples per pixel, traced where an edge runs through the neighbourhood and
 //! taken from the hit surface elsewhere. In: camera, pose; out: [`View`].
 
@@ -42,7 +42,7 @@ impl<'a> Eye<'a> {
     }
 }
 
-/// Offsets of the four colour samples from the pixel's centre.
+/// Offsets of the four color samples from the pixel's centre.
 const SAMPLES: [(f32, f32); 4] =
     [(-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375)];
 /// Neighbouring normals further apart than this (cosine) count as an edge.
@@ -123,14 +123,14 @@ fn shade(room: &Room, baked: &Baked, ray: &Ray, hit: &Hit) -> V3 {
     let material = &patch.material;
     let albedo = material.texture.albedo(&at);
     let light = baked.at(&room.mesh, facet.patch, uv);
-    let mut colour = albedo.times(light) * std::f32::consts::FRAC_1_PI + albedo * material.glow;
+    let mut color = albedo.times(light) * std::f32::consts::FRAC_1_PI + albedo * material.glow;
     if material.gloss > 0.0 {
         let normal = facet.normal_at(hit.b1, hit.b2);
         let towards = -ray.direction.unit();
         let normal = if normal.dot(towards) < 0.0 { -normal } else { normal };
-        colour = colour + highlight(room, material.gloss, (position, normal, towards), light);
+        color = color + highlight(room, material.gloss, (position, normal, towards), light);
     }
-    colour
+    color
 }
 
 /// Blinn–Phong highlights of the lights, and a grazing sheen of the room's mean light.

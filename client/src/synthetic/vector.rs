@@ -4,7 +4,7 @@
 
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// A point, a direction or a linear RGB colour.
+/// A point, a direction or a linear RGB color.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct V3 {
     pub x: f32,
@@ -52,7 +52,7 @@ impl V3 {
         if length > 1e-12 { self * (1.0 / length) } else { v(0.0, 0.0, 1.0) }
     }
 
-    /// Component-wise product (colour filters).
+    /// Component-wise product (color filters).
     #[inline(always)]
     pub fn times(self, o: V3) -> V3 {
         v(self.x * o.x, self.y * o.y, self.z * o.z)
@@ -71,7 +71,7 @@ impl V3 {
         v(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
     }
 
-    /// Rec. 709 luminance of a linear colour.
+    /// Rec. 709 luminance of a linear color.
     #[inline(always)]
     pub fn luminance(self) -> f32 {
         0.2126 * self.x + 0.7152 * self.y + 0.0722 * self.z

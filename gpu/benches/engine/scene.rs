@@ -35,7 +35,7 @@ pub fn scene(count: usize, channels: usize) -> HostGaussians {
     let side = 1.0 + 2.0 * MARGIN;
     let spacing = (width * height * side * side / (IN_FRONT * count as f32)).sqrt();
     let mut scene = HostGaussians {
-        colour: HostHead { channels: 3, ..HostHead::default() },
+        color: HostHead { channels: 3, ..HostHead::default() },
         language: HostHead { channels, ..HostHead::default() },
         ..HostGaussians::default()
     };
@@ -52,7 +52,7 @@ pub fn scene(count: usize, channels: usize) -> HostGaussians {
         let [wide, thin] = SPREAD;
         let log_scale =
             [wide, wide, thin].map(|share| (unit * share * rng.random_range(0.6f32..1.6)).ln());
-        for head in [&mut scene.colour, &mut scene.language] {
+        for head in [&mut scene.color, &mut scene.language] {
             head.rotations.push(rotation);
             head.log_scales.push(log_scale);
             head.opacity_logits.push(rng.random_range(-1.5f32..4.0));

@@ -14,7 +14,7 @@ pub fn print(gpu: &Gpu) -> Result<(), GpuError> {
     let mut gaussians = Gaussians::new(gpu, 1);
     gaussians.append(&scene::scene(50_000, 1))?;
     let mut renderer = Renderer::new(gpu, 1)?;
-    let picture = renderer.render_colour(&gaussians, &camera)?;
+    let picture = renderer.render_color(&gaussians, &camera)?;
     let rgb: Vec<u8> = picture.rgb.iter().map(|v| (v * 255.0).clamp(0.0, 255.0) as u8).collect();
     let depth: Vec<f32> =
         picture.depth.iter().zip(&picture.opacity).map(|(d, o)| d / o.max(0.5)).collect();
@@ -28,7 +28,7 @@ pub fn print(gpu: &Gpu) -> Result<(), GpuError> {
     })?;
     println!("{:>28} {:>7.2}", "pyramid of a frame", ms(fill));
     let render = best(5, || {
-        let Some(drawn) = renderer.draw_colour(&gaussians, &camera)? else { return Ok(()) };
+        let Some(drawn) = renderer.draw_color(&gaussians, &camera)? else { return Ok(()) };
         let mut recorder = Recorder::new(gpu)?;
         pyramids.fill_rendered(&mut recorder, &reference, (drawn.image, drawn.pixels))?;
         recorder.submit();

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use lexsplat_gpu::{
-    ColourTarget, Gaussians, Gpu, GpuError, KernelTime, LanguageTarget, LearningRates, LossWeights,
+    ColorTarget, Gaussians, Gpu, GpuError, KernelTime, LanguageTarget, LearningRates, LossWeights,
     Renderer, TrainingView,
 };
 
@@ -18,7 +18,7 @@ const CHANNELS: usize = 15;
 const STAGES: [(&str, &[&str]); 7] = [
     ("project", &["project_"]),
     ("lists", &["order_", "sort_", "scan_", "tiles_"]),
-    ("blend", &["blend_colour", "blend_language"]),
+    ("blend", &["blend_color", "blend_language"]),
     ("loss", &["loss_", "reduce"]),
     ("blend back", &["blend_back_"]),
     ("to params", &["collect_", "project_back_"]),
@@ -31,7 +31,7 @@ struct Bench {
     renderer: Renderer,
     camera: lexsplat_gpu::Camera,
     labels: lexsplat_gpu::Camera,
-    colour: ColourTarget,
+    color: ColorTarget,
     language: LanguageTarget,
 }
 
@@ -52,7 +52,7 @@ impl Bench {
         Ok(Self {
             gaussians,
             renderer: Renderer::new(gpu, codes)?,
-            colour: ColourTarget::new(gpu, (width, height), &rgb, &vec![2.5; pixels])?,
+            color: ColorTarget::new(gpu, (width, height), &rgb, &vec![2.5; pixels])?,
             language: LanguageTarget::new(gpu, labels.width, labels.height, codes, &target)?,
             camera,
             labels,
@@ -60,7 +60,7 @@ impl Bench {
     }
 
     fn draw(&mut self) -> Result<(), GpuError> {
-        self.renderer.draw_colour(&self.gaussians, &self.camera).map(drop)
+        self.renderer.draw_color(&self.gaussians, &self.camera).map(drop)
     }
 
     fn draw_language(&mut self) -> Result<(), GpuError> {
@@ -68,11 +68,11 @@ impl Bench {
     }
 
     /// Takes [`STEPS`] steps and returns the shortest time that one took on the host.
-    fn steps(&mut self, colour: bool, language: bool) -> Result<Duration, GpuError> {
+    fn steps(&mut self, color: bool, language: bool) -> Result<Duration, GpuError> {
         let (weights, rates) = (LossWeights::default(), LearningRates::default());
         let view = TrainingView {
             camera: &self.camera,
-            colour: colour.then_some(&self.colour),
+            color: color.then_some(&self.color),
             language: language.then_some((&self.labels, &self.language)),
             exposure: [0.0; 2],
         };
@@ -137,14 +137,14 @@ fn view(gpu: &Gpu, size: (u32, u32), n: usize, ceiling: f64) -> Result<(), GpuEr
         100.0 * lists
     );
     let mut host = Duration::MAX;
-    let colour = best(4, || bench.steps(true, false).map(|time| host = host.min(time)))?;
+    let color = best(4, || bench.steps(true, false).map(|time| host = host.min(time)))?;
     let both = best(4, || bench.steps(true, true).map(drop))?;
-    let backward = colour.as_secs_f64() / f64::from(STEPS) - forward.as_secs_f64();
+    let backward = color.as_secs_f64() / f64::from(STEPS) - forward.as_secs_f64();
     let bytes = bench.gaussians.device_bytes() + bench.renderer.device_bytes();
     println!(
         " {:>8.1} {:>8.1} {:>6.2} {:>8}",
         backward * 1e3,
-        (ms(both) - ms(colour)) / f64::from(STEPS),
+        (ms(both) - ms(color)) / f64::from(STEPS),
         ms(host),
         bytes / n as u64
     );
@@ -180,10 +180,10 @@ fn total(profile: &[KernelTime]) -> f64 {
 pub fn by_channels(gpu: &Gpu) -> Result<(), GpuError> {
     let (size, n) = ((600, 340), 100_000);
     println!("\n{} x {}, {n} Gaussians, by length of the code at full size; ms", size.0, size.1);
-    println!("{:>9} {:>9} {:>9} {:>9}", "channels", "forward", "of colour", "step");
+    println!("{:>9} {:>9} {:>9} {:>9}", "channels", "forward", "of color", "step");
     for codes in [3, 8, 15, 32, 64] {
         let mut bench = Bench::new(gpu, size, n, codes)?;
-        let colour = best(3, || bench.draw())?;
+        let color = best(3, || bench.draw())?;
         bench.labels = bench.camera.clone();
         let target = vec![0.5; codes * bench.labels.pixels()];
         bench.language = LanguageTarget::new(gpu, size.0, size.1, codes, &target)?;
@@ -192,7 +192,7 @@ pub fn by_channels(gpu: &Gpu) -> Result<(), GpuError> {
         println!(
             "{codes:>9} {:>9.1} {:>9.2} {:>9.1}",
             ms(picture),
-            picture.as_secs_f64() / colour.as_secs_f64(),
+            picture.as_secs_f64() / color.as_secs_f64(),
             ms(step) / f64::from(STEPS)
         );
     }

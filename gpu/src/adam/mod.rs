@@ -38,8 +38,8 @@ pub struct HeadRates {
 pub struct LearningRates {
     /// Of the mean, metres.
     pub mean: f32,
-    /// Of the colour head.
-    pub colour: HeadRates,
+    /// Of the color head.
+    pub color: HeadRates,
     /// Of the language head.
     pub language: HeadRates,
 }
@@ -50,7 +50,7 @@ impl Default for LearningRates {
     fn default() -> Self {
         Self {
             mean: 1.6e-4 * 6.0,
-            colour: HeadRates { rotation: 1e-3, log_scale: 6e-3, opacity: 0.05, feature: 7e-4 },
+            color: HeadRates { rotation: 1e-3, log_scale: 6e-3, opacity: 0.05, feature: 7e-4 },
             language: HeadRates {
                 rotation: 1e-3,
                 log_scale: 1.2e-3,

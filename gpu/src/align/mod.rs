@@ -14,7 +14,7 @@
 //!
 //! On the surface: at most `depth_gate` and [`GATE_SIGMAS`] of the depth's own noise from the plane
 //! (p_ref, n_ref), with normals that agree. A point that the reference does not see, being behind
-//! something, is not there; nor is one at an edge of depth, which has no normal and whose colours
+//! something, is not there; nor is one at an edge of depth, which has no normal and whose colors
 //! are mixed. A gate along z would keep both where surfaces are a hand's breadth apart, and
 //! lose floors seen at a low angle: between two pictures that share 70 % it made poses worse by
 //! two orders of magnitude (`BENCHMARKS.md`).

@@ -83,19 +83,19 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
     };
     [
         shader(
-            if depth { "blend_colour" } else { "blend_language" },
+            if depth { "blend_color" } else { "blend_language" },
             include_str!("forward.wgsl"),
             (chunk, 0),
             vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
-            if depth { "touch_colour" } else { "touch_language" },
+            if depth { "touch_color" } else { "touch_language" },
             include_str!("touch.wgsl"),
             (0, 1),
             vec![Read, Read, Read, Read, Read, Write],
         ),
         shader(
-            if depth { "blend_back_colour" } else { "blend_back_language" },
+            if depth { "blend_back_color" } else { "blend_back_language" },
             include_str!("backward.wgsl"),
             (chunk, 2 + chunk),
             vec![Read, Read, Read, Read, Read, Read, Read, Write],

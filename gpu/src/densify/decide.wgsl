@@ -2,7 +2,7 @@
 // a number fails. One element more than Gaussians, zero, so that the scans end in their totals.
 
 @group(0) @binding(0) var<uniform> arguments: DensifyArguments;
-@group(0) @binding(1) var<storage, read> colour_geometry: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> color_geometry: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> language_geometry: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> statistics: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> means: array<vec4<f32>>;
@@ -24,18 +24,18 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     births[gaussian] = 0u;
     splits[gaussian] = 0u;
     if gaussian == arguments.count { return; }
-    let colour = colour_geometry[2u * gaussian + 1u];
+    let color = color_geometry[2u * gaussian + 1u];
     let language = language_geometry[2u * gaussian + 1u];
     let seen = statistics[2u * gaussian];
-    let opaque = colour.w >= arguments.min_logit || language.w >= arguments.min_logit;
-    let fits = within(colour, arguments.max_log_scale)
+    let opaque = color.w >= arguments.min_logit || language.w >= arguments.min_logit;
+    let fits = within(color, arguments.max_log_scale)
         && (arguments.either_head == 0u || within(language, arguments.max_log_scale));
     let mean = means[gaussian].xyz;
     let somewhere = is_finite(mean.x) && is_finite(mean.y) && is_finite(mean.z);
     if !(opaque && fits && somewhere) || seen.z > arguments.max_radius { return; }
     kept[gaussian] = 1u;
     if !(seen.y > 0.0 && seen.x >= arguments.min_gradient * seen.y) { return; }
-    let small = within(colour, arguments.clone_log_scale);
+    let small = within(color, arguments.clone_log_scale);
     if small && !within(language, arguments.clone_log_scale) { return; }
     births[gaussian] = 1u;
     splits[gaussian] = select(1u, 0u, small);

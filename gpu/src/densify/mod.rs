@@ -7,14 +7,14 @@
 //!
 //! A Gaussian is, in this order (Kerbl et al. 2023, for two heads as the disentangled map needs):
 //!
-//! - *pruned* if both heads' opacities are below a limit, or the colour head's largest scale (if
+//! - *pruned* if both heads' opacities are below a limit, or the color head's largest scale (if
 //!   asked for, either head's) or the largest radius on the screen is above one, or a parameter
 //!   that decides this is not a number, or the mean is not finite;
 //! - *cloned* if the mean gradient of its place on the screen reaches a threshold and the scales of
 //!   both heads are small: the copy has the same parameters;
-//! - *split* if it reaches the threshold and the colour head is large: two children, drawn from
+//! - *split* if it reaches the threshold and the color head is large: two children, drawn from
 //!   N(mean, Sigma_c), with the scales of both heads divided by 1.6, take its place. If only the
-//!   language head is large it is left alone: a split would cut a small colour head.
+//!   language head is large it is left alone: a split would cut a small color head.
 //!
 //! The clone's original keeps its optimiser state; copies and children start at zero. Births stand
 //! next to their origin, so a spatial order survives. Limits are compared as logarithms and logits,
@@ -210,10 +210,10 @@ impl Densify {
         (arrays, scan): (&Arrays, &Scan),
         plan: &Plan,
     ) {
-        let colour = &arrays.colour.geometry.values;
+        let color = &arrays.color.geometry.values;
         let language = &arrays.language.geometry.values;
         let inputs: [&wgpu::Buffer; 4] =
-            [colour, language, &arrays.statistics, &arrays.means.values];
+            [color, language, &arrays.statistics, &arrays.means.values];
         let outputs: [&wgpu::Buffer; 3] = [&plan.kept, &plan.births, &plan.splits];
         let elements = arguments.count as usize + 1;
         recorder.dispatch_threads(
@@ -277,11 +277,11 @@ impl Densify {
         recorder: &mut Recorder<'_>,
         seed: u32,
         source: &Buffer<u32>,
-        (means, colour, language): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+        (means, color, language): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
     ) {
         let count = source.len();
         let arguments = DensifyArguments { count: count as u32, seed, ..Default::default() };
-        let buffers: [&wgpu::Buffer; 4] = [source, means, colour, language];
+        let buffers: [&wgpu::Buffer; 4] = [source, means, color, language];
         recorder.dispatch_threads(&self.split, &arguments, &buffers, count);
     }
 }

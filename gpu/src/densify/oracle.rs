@@ -27,11 +27,11 @@ pub fn decide(
 ) -> Vec<Fate> {
     let fate = |i: usize| {
         let seen = &statistics[i];
-        let (colour, language) = (map.colour.log_scales[i], map.language.log_scales[i]);
+        let (color, language) = (map.color.log_scales[i], map.language.log_scales[i]);
         let within = |scale: [f32; 3], limit: f32| scale.iter().all(|s| *s <= limit);
-        let opaque = map.colour.opacity_logits[i] >= rules.min_logit
+        let opaque = map.color.opacity_logits[i] >= rules.min_logit
             || map.language.opacity_logits[i] >= rules.min_logit;
-        let mut fits = within(colour, rules.max_log_scale);
+        let mut fits = within(color, rules.max_log_scale);
         if rules.either_head == 1 {
             fits &= within(language, rules.max_log_scale);
         }
@@ -43,7 +43,7 @@ pub fn decide(
         if seen.views <= 0.0 || !pulled {
             return Fate::Kept;
         }
-        match (within(colour, rules.clone_log_scale), within(language, rules.clone_log_scale)) {
+        match (within(color, rules.clone_log_scale), within(language, rules.clone_log_scale)) {
             (false, _) => Fate::Split,
             (true, true) => Fate::Cloned,
             (true, false) => Fate::Kept,

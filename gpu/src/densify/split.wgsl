@@ -5,7 +5,7 @@
 @group(0) @binding(0) var<uniform> arguments: DensifyArguments; // count: Gaussians afterwards
 @group(0) @binding(1) var<storage, read> source: array<u32>;
 @group(0) @binding(2) var<storage, read_write> means: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> colour_geometry: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> color_geometry: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> language_geometry: array<vec4<f32>>;
 
 fn hash(x: u32) -> u32 {
@@ -41,14 +41,14 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if (entry & CHILD) == 0u { return; }
     var child = 0u;
     if slot > 0u && source[slot - 1u] == entry { child = 1u; }
-    let shape = colour_geometry[2u * slot + 1u];
-    let q = colour_geometry[2u * slot];
+    let shape = color_geometry[2u * slot + 1u];
+    let q = color_geometry[2u * slot];
     let stream = hash(hash(2u * (entry & INDEX_MASK) + child) ^ hash(arguments.seed));
     let offset = turn(q / length(q), scales(shape.xyz) * normal(stream));
     if is_finite(offset.x) && is_finite(offset.y) && is_finite(offset.z) {
         means[slot] += vec4<f32>(offset, 0.0);
     }
     let shrink = vec4<f32>(vec3<f32>(SPLIT_SHRINK), 0.0);
-    colour_geometry[2u * slot + 1u] -= shrink;
+    color_geometry[2u * slot + 1u] -= shrink;
     language_geometry[2u * slot + 1u] -= shrink;
 }

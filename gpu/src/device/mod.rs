@@ -329,8 +329,7 @@ mod tests {
             features: vec![1.0; channels],
             channels,
         };
-        let one =
-            HostGaussians { means: vec![[0.0, 0.0, 2.0]], colour: head(3), language: head(1) };
+        let one = HostGaussians { means: vec![[0.0, 0.0, 2.0]], color: head(3), language: head(1) };
         map.append(&one).expect("fits");
         let camera = Camera {
             width: 8,
@@ -341,10 +340,10 @@ mod tests {
             cy: 3.5,
             camera_from_world: Isometry3::identity(),
         };
-        renderer.render_colour(&map, &camera).expect("the device is there");
+        renderer.render_color(&map, &camera).expect("the device is there");
         gpu.device().destroy();
         let lost = |error: GpuError| matches!(error, GpuError::DeviceLost(_));
-        assert!(lost(renderer.render_colour(&map, &camera).expect_err("it is gone")));
+        assert!(lost(renderer.render_color(&map, &camera).expect_err("it is gone")));
         assert!(lost(map.to_host().expect_err("it is gone")));
         assert!(lost(map.append(&one).expect_err("it is gone")));
         assert!(lost(Buffer::<u32>::new(&gpu, "late", 8).err().expect("it is gone")));

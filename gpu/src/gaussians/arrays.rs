@@ -38,8 +38,8 @@ pub struct Head {
 pub struct Arrays {
     /// Centres, one row.
     pub means: Parameters,
-    /// Colour head.
-    pub colour: Head,
+    /// Color head.
+    pub color: Head,
     /// Language head.
     pub language: Head,
     /// What the last views saw, [`Statistics::ROWS`] rows.
@@ -192,7 +192,7 @@ impl Arrays {
     pub(super) fn new(gpu: &Gpu, capacity: usize, channels: usize) -> Result<Self, GpuError> {
         Ok(Self {
             means: Parameters::new(gpu, "means", capacity, 1)?,
-            colour: Head::new(gpu, "colour head", capacity, 1)?,
+            color: Head::new(gpu, "color head", capacity, 1)?,
             language: Head::new(gpu, "language head", capacity, rows_for(channels))?,
             statistics: Buffer::new(gpu, "statistics", Statistics::ROWS * capacity)?,
         })
@@ -200,21 +200,16 @@ impl Arrays {
 
     pub(super) fn grow(&mut self, growth: &Growth<'_>) -> Result<(), GpuError> {
         self.means.grow(growth, "means")?;
-        self.colour.grow(growth, "colour head")?;
+        self.color.grow(growth, "color head")?;
         self.language.grow(growth, "language head")?;
         growth.grow(&mut self.statistics, "statistics", Statistics::ROWS)
     }
 
     /// Every array, in a fixed order.
     pub(super) fn all(&self) -> Vec<Array<'_>> {
-        let (colour, language) = (&self.colour, &self.language);
-        let kinds = [
-            &self.means,
-            &colour.geometry,
-            &colour.features,
-            &language.geometry,
-            &language.features,
-        ];
+        let (color, language) = (&self.color, &self.language);
+        let kinds =
+            [&self.means, &color.geometry, &color.features, &language.geometry, &language.features];
         let mut arrays = Vec::new();
         for kind in kinds {
             let width = ROW_WORDS * kind.rows;
@@ -223,7 +218,7 @@ impl Arrays {
                 arrays.push(Array { buffer, width, state: true });
             }
         }
-        for buffer in [&colour.steps, &language.steps] {
+        for buffer in [&color.steps, &language.steps] {
             arrays.push(Array { buffer, width: 1, state: true });
         }
         let width = ROW_WORDS * Statistics::ROWS;

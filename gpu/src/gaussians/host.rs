@@ -8,8 +8,8 @@ use crate::layout::Row;
 pub struct HostGaussians {
     /// Centres in the world, metres.
     pub means: Vec<[f32; 3]>,
-    /// Colour head: three channels, rgb.
-    pub colour: HostHead,
+    /// Color head: three channels, rgb.
+    pub color: HostHead,
     /// Language head: one code per Gaussian.
     pub language: HostHead,
 }
@@ -41,7 +41,7 @@ impl HostGaussians {
     }
 
     pub(super) fn check(&self, channels: usize) -> Result<(), GpuError> {
-        self.colour.check(self.len(), 3)?;
+        self.color.check(self.len(), 3)?;
         self.language.check(self.len(), channels)
     }
 }

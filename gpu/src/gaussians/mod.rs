@@ -1,7 +1,7 @@
 //! The map on the device: one mean and two heads per Gaussian, with the optimiser's moments and
 //! statistics of the last views.
 //!
-//! Disentanglement is this type: colour and language share the mean and nothing else.
+//! Disentanglement is this type: color and language share the mean and nothing else.
 
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ impl Gaussians {
         let means: Vec<Row> = more.means.iter().map(|m| [m[0], m[1], m[2], 0.0]).collect();
         let mut encoder = self.gpu.device().create_command_encoder(&Default::default());
         arrays.means.write(&self.gpu, &mut encoder, self.len, &means);
-        arrays.colour.write(&self.gpu, &mut encoder, self.len, &more.colour);
+        arrays.color.write(&self.gpu, &mut encoder, self.len, &more.color);
         arrays.language.write(&self.gpu, &mut encoder, self.len, &more.language);
         let (start, rows) = (Statistics::ROWS * self.len, Statistics::ROWS * more.len());
         arrays::clear_rows(&mut encoder, &arrays.statistics, start, rows);
@@ -92,12 +92,12 @@ impl Gaussians {
     pub fn to_host(&self) -> Result<HostGaussians, GpuError> {
         let Some(arrays) = &self.arrays else {
             let head = |channels| HostHead { channels, ..HostHead::default() };
-            let (colour, language) = (head(3), head(self.channels));
-            return Ok(HostGaussians { means: Vec::new(), colour, language });
+            let (color, language) = (head(3), head(self.channels));
+            return Ok(HostGaussians { means: Vec::new(), color, language });
         };
         Ok(HostGaussians {
             means: self.read_means()?,
-            colour: arrays.colour.read(&self.gpu, self.len, 3)?,
+            color: arrays.color.read(&self.gpu, self.len, 3)?,
             language: arrays.language.read(&self.gpu, self.len, self.channels)?,
         })
     }

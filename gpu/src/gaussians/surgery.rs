@@ -206,8 +206,8 @@ impl Gaussians {
         tools.densify.emit(&mut mover.recorder, self.len, plan, &source);
         mover.rearrange(arrays, &source);
         if split > 0 {
-            let (colour, language) = (&arrays.colour.geometry, &arrays.language.geometry);
-            let geometry = (&arrays.means.values, &colour.values, &language.values);
+            let (color, language) = (&arrays.color.geometry, &arrays.language.geometry);
+            let geometry = (&arrays.means.values, &color.values, &language.values);
             tools.densify.split(&mut mover.recorder, seed, &source, geometry);
         }
         mover.recorder.submit();

@@ -27,13 +27,13 @@ fn head(len: usize, channels: usize) -> HostHead {
 
 fn kinds(map: &Gaussians) -> [&Parameters; 5] {
     let arrays = map.arrays().expect("there are arrays");
-    let (colour, language) = (&arrays.colour, &arrays.language);
-    [&arrays.means, &colour.geometry, &colour.features, &language.geometry, &language.features]
+    let (color, language) = (&arrays.color, &arrays.language);
+    [&arrays.means, &color.geometry, &color.features, &language.geometry, &language.features]
 }
 
 fn steps(map: &Gaussians) -> [&Buffer<u32>; 2] {
     let arrays = map.arrays().expect("there are arrays");
-    [&arrays.colour.steps, &arrays.language.steps]
+    [&arrays.color.steps, &arrays.language.steps]
 }
 
 /// The rows of one array of Gaussian `i`, kind by kind.
@@ -46,7 +46,7 @@ fn map(gpu: &Gpu, len: usize) -> Gaussians {
     let mut map = Gaussians::new(gpu, CHANNELS);
     let mut host = HostGaussians {
         means: (0..len).map(|i| [i as f32; 3]).collect(),
-        colour: head(len, 3),
+        color: head(len, 3),
         language: head(len, CHANNELS),
     };
     if len > 3 {
@@ -118,9 +118,9 @@ fn compare(gpu: &Gpu, map: &Gaussians, source: &[(usize, bool)]) -> Result<(), S
         features.iter().step_by(channels).map(|f| *f as usize).collect::<Vec<_>>()
     };
     let owners: Vec<usize> = source.iter().map(|(i, _)| *i).collect();
-    let same = owner(&host.colour.features, 3) == owners
+    let same = owner(&host.color.features, 3) == owners
         && owner(&host.language.features, CHANNELS) == owners
-        && host.colour.rotations.iter().map(|q| q[1] as usize).eq(owners.iter().copied());
+        && host.color.rotations.iter().map(|q| q[1] as usize).eq(owners.iter().copied());
     if same { Ok(()) } else { Err("parameters".to_owned()) }
 }
 

@@ -1,11 +1,11 @@
-// first |S - mean_axis(S)| of the colour scales, summed over the axes of a Gaussian; the gradient
+// first |S - mean_axis(S)| of the color scales, summed over the axes of a Gaussian; the gradient
 // is with respect to log scales and is added to what is there. Scales that are not finite are left
 // out.
 
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;
 @group(0) @binding(2) var<storage, read> gaussian_from_visible: array<u32>;
-@group(0) @binding(3) var<storage, read> colour: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> color: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> gradients: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> terms: array<vec4<f32>>;
 
@@ -16,7 +16,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if index >= visible[0].count { return; }
     let row = 2u * gaussian_from_visible[index] + 1u;
     terms[index] = vec4<f32>(0.0);
-    let s = scales(colour[row].xyz);
+    let s = scales(color[row].xyz);
     let off = s - vec3<f32>((s.x + s.y + s.z) / 3.0);
     let term = arguments.first * dot(abs(off), vec3<f32>(1.0));
     if !is_finite(term) { return; }

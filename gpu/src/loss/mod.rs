@@ -1,6 +1,6 @@
 //! Losses with their gradients, fused: one thread per pixel or per Gaussian.
 //!
-//! - colour: `w_c mean|exp(a) rgb + b - target|` where colour is valid, (a, b) being the view's
+//! - color: `w_c mean|exp(a) rgb + b - target|` where color is valid, (a, b) being the view's
 //!   exposure, plus `w_d mean|D - D_gt|` where depth was measured. D is the blended depth, not divided by opacity, as in the paper: where the map
 //!   is thin the gradient asks for more opacity as well as for another depth.
 //! - language: `w_l mean|codes - target|` over all pixels and channels.
@@ -17,57 +17,57 @@ use crate::kernel::{Kernel, Recorder};
 use crate::layout::{LossArguments, Row};
 use crate::order::Ranks;
 use crate::shader::{Access, GRID, SCALES, Shader};
-use crate::target::{ColourTarget, LanguageTarget};
+use crate::target::{ColorTarget, LanguageTarget};
 
 pub mod oracle;
 
 /// Factors of the terms of the loss; a term with factor 0 is off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossWeights {
-    /// Of the colour's mean absolute error; colours are in [0, 1].
-    pub colour: f32,
+    /// Of the color's mean absolute error; colors are in [0, 1].
+    pub color: f32,
     /// Of the depth's mean absolute error, metres.
     pub depth: f32,
     /// Of the codes' mean absolute error.
     pub language: f32,
-    /// Of the mean distance of a colour scale from the Gaussian's mean scale, metres.
+    /// Of the mean distance of a color scale from the Gaussian's mean scale, metres.
     pub isotropic: f32,
-    /// Of the mean distance of a language scale from the colour scale, metres.
+    /// Of the mean distance of a language scale from the color scale, metres.
     pub tie: f32,
 }
 
 impl Default for LossWeights {
     /// Those of the paper's released configuration.
     fn default() -> Self {
-        Self { colour: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, tie: 10.0 }
+        Self { color: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, tie: 10.0 }
     }
 }
 
 /// Terms of the loss of one step, each with its factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
-    /// Colour term.
-    pub colour: f32,
+    /// Color term.
+    pub color: f32,
     /// Depth term.
     pub depth: f32,
     /// Language term.
     pub language: f32,
     /// Isotropy term.
     pub isotropic: f32,
-    /// Term that ties language scales to colour scales.
+    /// Term that ties language scales to color scales.
     pub tie: f32,
 }
 
 impl Losses {
     /// Sum of all terms.
     pub fn total(&self) -> f32 {
-        self.colour + self.depth + self.language + self.isotropic + self.tie
+        self.color + self.depth + self.language + self.isotropic + self.tie
     }
 }
 
 /// The kernels.
 pub struct Loss {
-    colour: Kernel,
+    color: Kernel,
     language: Kernel,
     isotropic: Kernel,
     tie: Kernel,
@@ -84,7 +84,7 @@ pub fn shaders() -> [Shader; 4] {
         bindings,
     };
     [
-        shader("loss_colour", include_str!("colour.wgsl"), vec![Read, Read, Write, Write]),
+        shader("loss_color", include_str!("color.wgsl"), vec![Read, Read, Write, Write]),
         shader("loss_language", include_str!("language.wgsl"), vec![Read, Read, Write, Write]),
         shader(
             "loss_isotropic",
@@ -106,21 +106,21 @@ impl Loss {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [colour, language, isotropic, tie] = shaders();
+        let [color, language, isotropic, tie] = shaders();
         Ok(Self {
-            colour: Kernel::new(gpu, &colour)?,
+            color: Kernel::new(gpu, &color)?,
             language: Kernel::new(gpu, &language)?,
             isotropic: Kernel::new(gpu, &isotropic)?,
             tie: Kernel::new(gpu, &tie)?,
         })
     }
 
-    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (colour, depth, dL/da,
+    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (color, depth, dL/da,
     /// dL/db) for the exposure (a, b).
-    pub fn colour(
+    pub fn color(
         &self,
         recorder: &mut Recorder<'_>,
-        (target, exposure): (&ColourTarget, [f32; 2]),
+        (target, exposure): (&ColorTarget, [f32; 2]),
         weights: &LossWeights,
         (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
     ) {
@@ -128,13 +128,13 @@ impl Loss {
         let arguments = LossArguments {
             count: target.texels.len() as u32,
             rows: 1,
-            first: share(weights.colour, 3 * target.colour_pixels),
+            first: share(weights.color, 3 * target.color_pixels),
             second: share(weights.depth, target.depth_pixels),
             exposure,
             unused: [0.0; 2],
         };
         let buffers: [&wgpu::Buffer; 4] = [image, &target.texels, gradients, terms];
-        recorder.dispatch_threads(&self.colour, &arguments, &buffers, target.texels.len());
+        recorder.dispatch_threads(&self.color, &arguments, &buffers, target.texels.len());
     }
 
     /// dL/dimage into `gradients`, the term of each pixel into `terms` (language, 0, 0, 0).
@@ -157,18 +157,18 @@ impl Loss {
         recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
     }
 
-    /// Adds the gradient of the isotropy term to that of the colour geometry; `terms` gets
+    /// Adds the gradient of the isotropy term to that of the color geometry; `terms` gets
     /// (isotropic, 0, 0, 0) of each rank. `count` is the size of the map.
     pub fn isotropic(
         &self,
         recorder: &mut Recorder<'_>,
         (weight, count): (f32, usize),
-        (ranks, colour): (&Ranks, &Buffer<Row>),
+        (ranks, color): (&Ranks, &Buffer<Row>),
         (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
     ) {
         let arguments = shape_arguments(weight, count);
         let buffers: [&wgpu::Buffer; 5] =
-            [&ranks.visible, &ranks.gaussian_from_visible, colour, gradients, terms];
+            [&ranks.visible, &ranks.gaussian_from_visible, color, gradients, terms];
         ranks.run(recorder, &self.isotropic, &arguments, &buffers);
     }
 
@@ -178,12 +178,12 @@ impl Loss {
         &self,
         recorder: &mut Recorder<'_>,
         (weight, count): (f32, usize),
-        (ranks, colour, language): (&Ranks, &Buffer<Row>, &Buffer<Row>),
+        (ranks, color, language): (&Ranks, &Buffer<Row>, &Buffer<Row>),
         (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
     ) {
         let arguments = shape_arguments(weight, count);
         let buffers: [&wgpu::Buffer; 6] =
-            [&ranks.visible, &ranks.gaussian_from_visible, colour, language, gradients, terms];
+            [&ranks.visible, &ranks.gaussian_from_visible, color, language, gradients, terms];
         ranks.run(recorder, &self.tie, &arguments, &buffers);
     }
 }

@@ -47,12 +47,12 @@ pub fn isotropic(weight: f64, log_scales: &[[f64; 3]]) -> (f64, Vec<[f64; 3]>) {
 
 /// `weight * mean|S_f - sg(S_c)|` over all axes of all Gaussians, and its gradient with respect to
 /// the language head's log scales.
-pub fn tie(weight: f64, colour: &[[f64; 3]], language: &[[f64; 3]]) -> (f64, Vec<[f64; 3]>) {
-    let share = weight / (3.0 * colour.len() as f64);
+pub fn tie(weight: f64, color: &[[f64; 3]], language: &[[f64; 3]]) -> (f64, Vec<[f64; 3]>) {
+    let share = weight / (3.0 * color.len() as f64);
     let mut loss = 0.0;
-    let gradient = colour.iter().zip(language).map(|(colour, language)| {
+    let gradient = color.iter().zip(language).map(|(color, language)| {
         std::array::from_fn(|axis| {
-            let (c, f) = (colour[axis].exp(), language[axis].exp());
+            let (c, f) = (color[axis].exp(), language[axis].exp());
             loss += share * (f - c).abs();
             share * sign(f - c) * f
         })

@@ -5,7 +5,7 @@
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;
 @group(0) @binding(2) var<storage, read> gaussian_from_visible: array<u32>;
-@group(0) @binding(3) var<storage, read> colour: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> color: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> language: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> gradients: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> terms: array<vec4<f32>>;
@@ -18,7 +18,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let row = 2u * gaussian_from_visible[index] + 1u;
     terms[index] = vec4<f32>(0.0);
     let s = scales(language[row].xyz);
-    let apart = s - scales(colour[row].xyz);
+    let apart = s - scales(color[row].xyz);
     let term = arguments.first * dot(abs(apart), vec3<f32>(1.0));
     if !is_finite(term) { return; }
     terms[index].x = term;

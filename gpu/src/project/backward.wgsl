@@ -4,7 +4,7 @@
 //   dL/dSigma = -K dL/dK K, and Sigma = X X^T with X = J W R S gives the rest by the chain rule.
 // Pose, by a left perturbation of camera_from_world, p -> p + rho + theta x p: dL/drho = dL/dp and
 // dL/dtheta = p x dL/dp + sum over the columns v of V = W R S of v x dL/dv.
-// Language (not COLOUR) leaves mean and pose alone.
+// Language (not COLOR) leaves mean and pose alone.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> gaussian_from_visible: array<u32>;
@@ -50,7 +50,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if index >= pass_.count { return; }
     geometry_gradients[2u * index] = vec4<f32>(0.0);
     geometry_gradients[2u * index + 1u] = vec4<f32>(0.0);
-    if COLOUR {
+    if COLOR {
         for (var row = 0u; row < 3u; row++) { moves[3u * index + row] = vec4<f32>(0.0); }
     }
     let first = sums[SUMS * index];
@@ -101,7 +101,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         select(vec3<f32>(0.0), d_scale, bounded),
         first.z * (1.0 - opacity),
     );
-    if COLOUR {
+    if COLOR {
         let d_mean = -vec2<f32>(dot(conic.xy, first.xy), dot(conic.yz, first.xy));
         let jx = camera_from_local * d_root_x;
         let jy = camera_from_local * d_root_y;

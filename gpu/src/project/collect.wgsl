@@ -1,5 +1,5 @@
 // Sums the records of each visible Gaussian's hits, in slot order (see blend/backward.wgsl for the rows). The
-// colour head's fourth feature is depth: its gradient goes to the third row of the sums.
+// color head's fourth feature is depth: its gradient goes to the third row of the sums.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;
@@ -30,7 +30,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     sums[SUMS * index] = sum[0];
     sums[SUMS * index + 1u] = sum[1];
     //repeat row ROWS
-    if COLOUR {
+    if COLOR {
         sums[SUMS * index + 2u] = vec4<f32>(sum[2].w, 0.0, 0.0, 0.0);
         features[index] = vec4<f32>(sum[2].xyz, 0.0);
     } else {

@@ -58,7 +58,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let place = vec4<f32>(mean, squares.x, lean);
     let form = vec4<f32>(squares.y, log2(opacity), p.z, reach);
     var feature = vec4<f32>(0.0);
-    if COLOUR { feature = vec4<f32>(features[gaussian].xyz, p.z); }
+    if COLOR { feature = vec4<f32>(features[gaussian].xyz, p.z); }
     let splat = Splat(place, form, feature, extent, vec2<f32>(0.0));
     splats[gaussian] = splat;
     coverage[gaussian] = covered(splat);

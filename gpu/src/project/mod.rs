@@ -3,7 +3,7 @@
 //!
 //! Forward: mean, rotation, scale, opacity to [`Splat`], number of hits and the tiles they are.
 //! Backward, for the ranks of a view: first the records of a rank's hits are summed in order, then
-//! the sums are taken through conic, covariance, Jacobian and rotation. The colour head moves the
+//! the sums are taken through conic, covariance, Jacobian and rotation. The color head moves the
 //! mean and the camera; the language head does not (paper §4.3).
 
 use crate::buffer::Buffer;
@@ -19,7 +19,7 @@ use crate::tiling::Tiling;
 
 pub mod oracle;
 
-/// Rows of the sums of the colour head, and of the language head.
+/// Rows of the sums of the color head, and of the language head.
 pub(crate) const SUM_ROWS: [usize; 2] = [3, 2];
 /// Rows of [`HeadGradients::moves`].
 pub const MOVE_ROWS: usize = 3;
@@ -48,26 +48,26 @@ pub struct HeadGradients {
     pub geometry: Buffer<Row>,
     /// Feature.
     pub features: Buffer<Row>,
-    /// Of the colour head: the mean; this Gaussian's share of the gradients with respect to the
+    /// Of the color head: the mean; this Gaussian's share of the gradients with respect to the
     /// translation and the rotation of the camera.
     pub moves: Buffer<Row>,
     /// Rows per rank of `sums`.
     pub sum_rows: usize,
 }
 
-/// This kernel's shaders for features of `rows` rows of the colour head (`colour`) or of the
+/// This kernel's shaders for features of `rows` rows of the color head (`color`) or of the
 /// language head.
-pub fn shaders(tiling: Tiling, rows: usize, colour: bool) -> [Shader; 3] {
+pub fn shaders(tiling: Tiling, rows: usize, color: bool) -> [Shader; 3] {
     use Access::{Read, Write};
     let shader = |label, parts, bindings| Shader {
         label,
         entry: "main",
         parts,
         constants: [
-            ("COLOUR", Constant::Bool(colour)),
+            ("COLOR", Constant::Bool(color)),
             ("ROWS", Constant::U32(rows as u32)),
             ("RECORD", Constant::U32(2 + rows as u32)),
-            ("SUMS", Constant::U32(sum_rows(colour) as u32)),
+            ("SUMS", Constant::U32(sum_rows(color) as u32)),
         ]
         .into_iter()
         .chain(tiling.constants(1, 1))
@@ -76,25 +76,25 @@ pub fn shaders(tiling: Tiling, rows: usize, colour: bool) -> [Shader; 3] {
     };
     [
         shader(
-            if colour { "project_colour" } else { "project_language" },
+            if color { "project_color" } else { "project_language" },
             vec![GRID, SCALES, GEOMETRY, CONIC, EXTENT, include_str!("forward.wgsl")],
             vec![Read, Read, Read, Write, Write],
         ),
         shader(
-            if colour { "collect_colour" } else { "collect_language" },
+            if color { "collect_color" } else { "collect_language" },
             vec![GRID, include_str!("collect.wgsl")],
             vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
-            if colour { "project_back_colour" } else { "project_back_language" },
+            if color { "project_back_color" } else { "project_back_language" },
             vec![GRID, SCALES, GEOMETRY, include_str!("backward.wgsl")],
             vec![Read, Read, Read, Read, Write, Write],
         ),
     ]
 }
 
-const fn sum_rows(colour: bool) -> usize {
-    SUM_ROWS[if colour { 0 } else { 1 }]
+const fn sum_rows(color: bool) -> usize {
+    SUM_ROWS[if color { 0 } else { 1 }]
 }
 
 impl Projected {
@@ -115,9 +115,9 @@ impl HeadGradients {
     ///
     /// # Errors
     /// As [`Buffer::new`].
-    pub fn new(gpu: &Gpu, capacity: usize, rows: usize, colour: bool) -> Result<Self, GpuError> {
-        let sum_rows = sum_rows(colour);
-        let moves = if colour { MOVE_ROWS * capacity } else { 1 };
+    pub fn new(gpu: &Gpu, capacity: usize, rows: usize, color: bool) -> Result<Self, GpuError> {
+        let sum_rows = sum_rows(color);
+        let moves = if color { MOVE_ROWS * capacity } else { 1 };
         Ok(Self {
             sums: Buffer::new(gpu, "record sums", sum_rows * capacity)?,
             geometry: Buffer::new(gpu, "geometry gradients", 2 * capacity)?,
@@ -138,8 +138,8 @@ impl Project {
     ///
     /// # Errors
     /// As [`Kernel::new`].
-    pub fn new(gpu: &Gpu, rows: usize, colour: bool) -> Result<Self, GpuError> {
-        let [forward, collect, backward] = shaders(gpu.tiling(), rows, colour);
+    pub fn new(gpu: &Gpu, rows: usize, color: bool) -> Result<Self, GpuError> {
+        let [forward, collect, backward] = shaders(gpu.tiling(), rows, color);
         Ok(Self {
             forward: Kernel::new(gpu, &forward)?,
             collect: Kernel::new(gpu, &collect)?,

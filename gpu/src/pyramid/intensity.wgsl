@@ -1,4 +1,4 @@
-/// Brightness of a colour (Rec. 601).
+/// Brightness of a color (Rec. 601).
 fn luma(rgb: vec3<f32>) -> f32 {
     return dot(rgb, vec3<f32>(LUMA_RED, LUMA_GREEN, LUMA_BLUE));
 }

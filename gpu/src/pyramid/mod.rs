@@ -125,9 +125,9 @@ impl Pyramids {
         let pixels = pyramid.levels[0].camera.pixels();
         expect_len("rgb8", 3 * pixels, rgb8.len())?;
         expect_len("depth_metres", pixels, depth_metres.len())?;
-        let colours = rgb8.chunks_exact(3).map(|c| u32::from_le_bytes([c[0], c[1], c[2], 0]));
+        let colors = rgb8.chunks_exact(3).map(|c| u32::from_le_bytes([c[0], c[1], c[2], 0]));
         pyramid.packed.clear();
-        pyramid.packed.extend(colours.zip(depth_metres).map(|(rgb, z)| [rgb, z.to_bits()]));
+        pyramid.packed.extend(colors.zip(depth_metres).map(|(rgb, z)| [rgb, z.to_bits()]));
         pyramid.frame.write(&self.gpu, 0, &pyramid.packed);
         let mut recorder = Recorder::new(&self.gpu)?;
         let level = &pyramid.levels[0];

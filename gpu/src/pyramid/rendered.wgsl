@@ -1,4 +1,4 @@
-// A rendered view to (intensity, depth). With opacity O = 1 - T over MIN_OPACITY, colour and depth
+// A rendered view to (intensity, depth). With opacity O = 1 - T over MIN_OPACITY, color and depth
 // are what the Gaussians show without the black behind them: luma(rgb) / O and D / O. Elsewhere
 // there is no intensity (-1) and no depth (0).
 

@@ -1,4 +1,4 @@
-// A camera's frame: packed 8 bit colour and depth to (intensity, depth). Intensity is luma in
+// A camera's frame: packed 8 bit color and depth to (intensity, depth). Intensity is luma in
 // [0, 1]; a depth that is not a positive number becomes 0, no measurement.
 
 @group(0) @binding(0) var<uniform> arguments: PyramidArguments;

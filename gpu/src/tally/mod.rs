@@ -1,4 +1,4 @@
-//! Keeps the statistics that map surgery decides by: after each training step, what the colour pass
+//! Keeps the statistics that map surgery decides by: after each training step, what the color pass
 //! found out about the Gaussians that the step moved is added to theirs.
 
 use crate::buffer::Buffer;
@@ -18,13 +18,13 @@ pub struct Tally {
 /// What a step found out.
 #[derive(Clone, Copy)]
 pub struct Found<'a> {
-    /// The colour pass.
+    /// The color pass.
     pub arguments: &'a PassArguments,
     /// The visible Gaussians.
     pub ranks: &'a Ranks,
     /// Bias corrections of the step, 0 for a Gaussian that it left alone.
     pub corrections: &'a Buffer<[f32; 2]>,
-    /// Gradients of the colour head.
+    /// Gradients of the color head.
     pub gradients: &'a HeadGradients,
     /// Projected Gaussians.
     pub splats: &'a Buffer<Splat>,

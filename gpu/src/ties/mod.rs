@@ -73,30 +73,30 @@ impl Tie {
         Ok(Self { merge: Kernel::new(gpu, &merge)?, copy: Kernel::new(gpu, &copy)? })
     }
 
-    /// Adds the language head's gradients of tied parameters to the colour head's.
+    /// Adds the language head's gradients of tied parameters to the color head's.
     pub fn merge(
         &self,
         recorder: &mut Recorder<'_>,
         (ties, count): (Ties, usize),
-        (colour, language): (&HeadGradients, &HeadGradients),
+        (color, language): (&HeadGradients, &HeadGradients),
         ranks: &Ranks,
     ) {
         let buffers: [&wgpu::Buffer; 4] =
-            [&language.sums, &language.geometry, &colour.sums, &colour.geometry];
+            [&language.sums, &language.geometry, &color.sums, &color.geometry];
         ranks.run(recorder, &self.merge, &ties.arguments(count), &buffers);
     }
 
-    /// Gives the language head the colour head's tied parameters, of the Gaussians that the step
+    /// Gives the language head the color head's tied parameters, of the Gaussians that the step
     /// moved.
     pub fn copy(
         &self,
         recorder: &mut Recorder<'_>,
         (ties, count): (Ties, usize),
         (ranks, corrections): (&Ranks, &Buffer<[f32; 2]>),
-        (colour, language): (&Buffer<Row>, &Buffer<Row>),
+        (color, language): (&Buffer<Row>, &Buffer<Row>),
     ) {
         let buffers: [&wgpu::Buffer; 4] =
-            [&ranks.gaussian_from_visible, corrections, colour, language];
+            [&ranks.gaussian_from_visible, corrections, color, language];
         ranks.run(recorder, &self.copy, &ties.arguments(count), &buffers);
     }
 }

@@ -56,9 +56,9 @@ fn errors(found: &HeadGradient, wanted: &Head) -> Errors {
     ]
 }
 
-fn colour(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, g: &[f32]) -> HeadGradient {
+fn color(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, g: &[f32]) -> HeadGradient {
     let rows: Vec<[f32; 4]> = g.chunks(4).map(|row| [row[0], row[1], row[2], row[3]]).collect();
-    renderer.colour_gradients(map, camera, &rows).expect("runs")
+    renderer.color_gradients(map, camera, &rows).expect("runs")
 }
 
 #[test]
@@ -76,20 +76,20 @@ fn gradients_match_the_oracle() {
         let map = map(&gpu, &scene);
         let camera = support::camera(width, height);
         let view = View::new(&camera);
-        for is_colour in [true, false] {
-            let head = if is_colour { Head::colour(&scene) } else { Head::language(&scene) };
+        for is_color in [true, false] {
+            let head = if is_color { Head::color(&scene) } else { Head::language(&scene) };
             let g = factors(seed, camera.pixels() * head.picture_channels());
-            let found = if is_colour {
-                colour(&mut renderer, &map, &camera, &g)
+            let found = if is_color {
+                color(&mut renderer, &map, &camera, &g)
             } else {
                 renderer.language_gradients(&map, &camera, &g).expect("runs")
             };
             let found_errors = errors(&found, &head.gradients(&view, &widen(&g)));
-            println!("seed {seed} colour {is_colour}: {found_errors:?}");
+            println!("seed {seed} color {is_color}: {found_errors:?}");
             assert!(found_errors.iter().all(|e| *e < TOLERANCE), "seed {seed}: {found_errors:?}");
-            assert_eq!(found.means.is_empty(), !is_colour, "language does not move means");
+            assert_eq!(found.means.is_empty(), !is_color, "language does not move means");
             let pose = found.pose.iter().copied();
-            if is_colour {
+            if is_color {
                 let wanted = head.pose_gradient(&view, &widen(&g));
                 let error = relative(pose, wanted.iter().copied());
                 println!("seed {seed} pose: {error:.1e}");
@@ -103,7 +103,7 @@ fn gradients_match_the_oracle() {
             let mut other = g.clone();
             other.iter_mut().for_each(|g| *g *= 1.001);
             let control = errors(&found, &head.gradients(&view, &widen(&other)));
-            let first = usize::from(!is_colour);
+            let first = usize::from(!is_color);
             assert!(control[first..].iter().all(|e| *e > TOLERANCE), "control: {control:?}");
         }
     }
@@ -135,7 +135,7 @@ fn gradients_are_the_same_twice_and_after_an_overflow() {
     let (c, l) = (factors(1, camera.pixels() * 4), factors(2, camera.pixels() * 15));
     let run = |renderer: &mut Renderer| {
         let language = renderer.language_gradients(&map, &camera, &l).expect("runs");
-        (colour(renderer, &map, &camera, &c), language)
+        (color(renderer, &map, &camera, &c), language)
     };
     let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
     let first = run(&mut renderer);
@@ -152,13 +152,13 @@ fn poisoned_and_hidden_gaussians_get_no_gradient() {
     let mut scene = support::scene(8, 40, 15, 0.1);
     scene.means[0] = camera.unproject(30.0, 20.0, -2.0).into();
     scene.means[1][2] = f32::NAN;
-    scene.colour.rotations[2] = [0.0; 4];
-    scene.colour.log_scales[3] = [f32::INFINITY; 3];
-    scene.colour.opacity_logits[4] = -1e9;
-    scene.colour.opacity_logits[5] = 1e9;
-    scene.colour.log_scales[6] = [-1e9; 3];
+    scene.color.rotations[2] = [0.0; 4];
+    scene.color.log_scales[3] = [f32::INFINITY; 3];
+    scene.color.opacity_logits[4] = -1e9;
+    scene.color.opacity_logits[5] = 1e9;
+    scene.color.log_scales[6] = [-1e9; 3];
     let g = factors(3, camera.pixels() * 4);
-    let found = colour(&mut renderer, &map(&gpu, &scene), &camera, &g);
+    let found = color(&mut renderer, &map(&gpu, &scene), &camera, &g);
     let flat = |i: usize| {
         let head = &found.head;
         [

@@ -21,20 +21,20 @@ fn map(gpu: &Gpu, scene: &HostGaussians) -> Gaussians {
 
 /// Both pictures of a map as rows of all channels, with opacity last.
 fn render(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> [Vec<Vec<f32>>; 2] {
-    let colour = renderer.render_colour(map, camera).expect("renders");
+    let color = renderer.render_color(map, camera).expect("renders");
     let language = renderer.render_language(map, camera).expect("renders");
     let (channels, pixels) = (language.channels, camera.pixels());
-    let rgb = |i: usize| colour.rgb[3 * i..3 * i + 3].to_vec();
+    let rgb = |i: usize| color.rgb[3 * i..3 * i + 3].to_vec();
     let code = |i: usize| language.codes[channels * i..channels * (i + 1)].to_vec();
     [
-        (0..pixels).map(|i| [rgb(i), vec![colour.depth[i], colour.opacity[i]]].concat()).collect(),
+        (0..pixels).map(|i| [rgb(i), vec![color.depth[i], color.opacity[i]]].concat()).collect(),
         (0..pixels).map(|i| [code(i), vec![language.opacity[i]]].concat()).collect(),
     ]
 }
 
 fn oracle(scene: &HostGaussians, camera: &Camera) -> [Vec<Vec<f64>>; 2] {
     let view = View::new(camera);
-    [Head::colour(scene), Head::language(scene)].map(|head| {
+    [Head::color(scene), Head::language(scene)].map(|head| {
         let picture = head.render(&view);
         let rows = picture.image.chunks(head.picture_channels());
         rows.zip(&picture.transmittance).map(|(row, t)| [row, &[1.0 - t]].concat()).collect()
@@ -127,7 +127,7 @@ fn hidden_gaussians_change_nothing() {
     let mut hidden = support::scene(10, 3, 15, 0.1);
     hidden.means[0] = camera.unproject(30.0, 20.0, -2.0).into();
     hidden.means[1] = camera.unproject(30.0, 20.0, 0.05).into();
-    for head in [&mut hidden.colour, &mut hidden.language] {
+    for head in [&mut hidden.color, &mut hidden.language] {
         head.opacity_logits[2] = -6.0;
     }
     shown.append(&hidden).expect("fits");
@@ -153,7 +153,7 @@ fn poisoned_gaussians_are_left_out() {
         for place in 0..4 {
             let mut one = support::scene(12, 1, 15, 0.1);
             one.means[0] = camera.unproject(30.0, 20.0, 1.0).into();
-            for head in [&mut one.colour, &mut one.language] {
+            for head in [&mut one.color, &mut one.language] {
                 match place {
                     0 => one.means[0][0] = poison,
                     1 => head.rotations[0] = [poison, 0.0, 0.0, 1.0],
@@ -165,7 +165,7 @@ fn poisoned_gaussians_are_left_out() {
         }
     }
     let mut zero = support::scene(12, 2, 15, 0.1);
-    for head in [&mut zero.colour, &mut zero.language] {
+    for head in [&mut zero.color, &mut zero.language] {
         head.rotations[0] = [0.0; 4];
         head.opacity_logits[1] = -1e9;
     }
@@ -176,7 +176,7 @@ fn poisoned_gaussians_are_left_out() {
 
 fn extend(all: &mut HostGaussians, more: &HostGaussians) {
     all.means.extend(&more.means);
-    for (all, more) in [(&mut all.colour, &more.colour), (&mut all.language, &more.language)] {
+    for (all, more) in [(&mut all.color, &more.color), (&mut all.language, &more.language)] {
         all.rotations.extend(&more.rotations);
         all.log_scales.extend(&more.log_scales);
         all.opacity_logits.extend(&more.opacity_logits);
@@ -193,7 +193,7 @@ fn extreme_gaussians_give_finite_pictures() {
     for i in 0..3000 {
         // Thousands on one pixel, of every size and opacity.
         scene.means[i] = camera.unproject(30.2, 20.1, 0.2 + 1e-3 * (i % 7) as f32).into();
-        for head in [&mut scene.colour, &mut scene.language] {
+        for head in [&mut scene.color, &mut scene.language] {
             let extremes = [-1e9, -80.0, -8.0, 3.0, 18.0, 40.0, 1e9];
             head.log_scales[i] = [extremes[i % 7], extremes[i / 7 % 7], extremes[i / 49 % 7]];
             head.opacity_logits[i] = if i % 3 == 0 { 1e9 } else { -2.0 };
@@ -214,7 +214,7 @@ fn thousands_on_one_pixel_match_the_oracle() {
     let mut scene = support::scene(14, 2000, 15, 0.05);
     for i in 0..2000 {
         scene.means[i] = camera.unproject(16.0, 10.0, 1.0 + 1e-3 * i as f32).into();
-        scene.colour.opacity_logits[i] = -5.0;
+        scene.color.opacity_logits[i] = -5.0;
         scene.language.opacity_logits[i] = -5.2;
     }
     let found = render(&mut renderer, &map(&gpu, &scene), &camera);
@@ -235,7 +235,7 @@ fn contributions_say_what_was_seen() {
     let camera = support::camera(67, 45);
     let scene = support::scene(15, 300, 15, 0.1);
     let found = renderer.contributions(&map(&gpu, &scene), &camera).expect("reads");
-    let wanted = Head::colour(&scene).render(&View::new(&camera));
+    let wanted = Head::color(&scene).render(&View::new(&camera));
     let worst = |factor: f64| {
         let pairs = found.iter().zip(&wanted.weights);
         pairs.map(|(a, b)| (f64::from(a.weight) - factor * b).abs()).fold(0.0, f64::max)
@@ -255,8 +255,8 @@ fn a_point_lands_on_the_pixel_that_the_camera_says() {
     let camera = support::camera(67, 45);
     let mut scene = support::scene(16, 1, 15, 0.01);
     scene.means[0] = camera.unproject(40.0, 12.0, 2.0).into();
-    scene.colour.opacity_logits[0] = 1.0;
-    let image = renderer.render_colour(&map(&gpu, &scene), &camera).expect("renders");
+    scene.color.opacity_logits[0] = 1.0;
+    let image = renderer.render_color(&map(&gpu, &scene), &camera).expect("renders");
     let brightest =
         (0..image.opacity.len()).max_by(|a, b| image.opacity[*a].total_cmp(&image.opacity[*b]));
     assert_eq!(brightest, Some(12 * 67 + 40));
@@ -279,7 +279,7 @@ fn appending_and_dropping_keep_the_others() {
     gaussians.set_language_features(&codes).expect("fits");
     let host = gaussians.to_host().expect("reads");
     assert_eq!(host.language.features, codes);
-    assert_eq!(host.colour, scene.colour);
+    assert_eq!(host.color, scene.color);
     assert!(gaussians.device_bytes() > 2500 * 4 * (4 + 8 + 4 + 8 + 16));
 }
 
@@ -295,11 +295,11 @@ fn wrong_shapes_are_refused_by_name() {
     assert!(matches!(gaussians.retain(&[true]), Err(GpuError::ShapeMismatch { .. })));
     let mut renderer = Renderer::new(&gpu, 8).expect("compiles");
     let camera = support::camera(20, 10);
-    let other = renderer.render_colour(&gaussians, &camera);
+    let other = renderer.render_color(&gaussians, &camera);
     assert!(matches!(other, Err(GpuError::ShapeMismatch { what: "language_channels", .. })));
     let flat = Camera { fx: 0.0, ..camera };
     let gaussians = Gaussians::new(&gpu, 8);
-    assert!(matches!(renderer.render_colour(&gaussians, &flat), Err(GpuError::BadValue { .. })));
+    assert!(matches!(renderer.render_color(&gaussians, &flat), Err(GpuError::BadValue { .. })));
     assert!(matches!(Renderer::new(&gpu, 65), Err(GpuError::BadValue { .. })));
     let missing = Gpu::new(Some("no such adapter")).err().expect("it is not there");
     assert!(missing.to_string().contains("mesa-vulkan-drivers"), "{missing}");
@@ -325,13 +325,13 @@ fn a_gaussian_may_cover_every_tile() {
         ..support::camera(2048, 1536)
     };
     scene.means[0] = camera.unproject(1000.0, 800.0, 2.0).into();
-    scene.colour.log_scales[0] = [4.0; 3];
-    scene.colour.opacity_logits[0] = 0.0;
-    let image = renderer.render_colour(&map(&gpu, &scene), &camera).expect("renders");
+    scene.color.log_scales[0] = [4.0; 3];
+    scene.color.opacity_logits[0] = 0.0;
+    let image = renderer.render_color(&map(&gpu, &scene), &camera).expect("renders");
     let least = image.opacity.iter().copied().fold(1.0, f32::min);
     assert!(least > 0.49, "opaque all over: {least}");
     let huge = Camera { width: 4096, height: 2160, ..camera };
-    match renderer.render_colour(&map(&gpu, &scene), &huge) {
+    match renderer.render_color(&map(&gpu, &scene), &huge) {
         Ok(image) => assert!(image.opacity.iter().all(|opacity| *opacity > 0.4)),
         Err(error) => assert!(matches!(error, GpuError::Limit { .. }), "{error}"),
     }

@@ -37,7 +37,7 @@ fn the_bytes_reach_wild_values_in_every_array() {
     let mut wild = [0; 9];
     for bytes in strings(100) {
         let (scene, _) = scene_from_bytes(&bytes);
-        let heads = [&scene.colour, &scene.language];
+        let heads = [&scene.color, &scene.language];
         let odd = |values: &[f32]| values.iter().any(|v| !v.is_finite() || v.abs() > 1e3);
         wild[0] += usize::from(odd(&scene.means.concat()));
         for (i, head) in heads.iter().enumerate() {

@@ -63,7 +63,7 @@ impl Golden {
     fn gaussians(&self) -> HostGaussians {
         HostGaussians {
             means: self.rows("means"),
-            colour: self.head("colour", "", 3),
+            color: self.head("color", "", 3),
             language: self.head("language", "", 16),
         }
     }
@@ -79,7 +79,7 @@ impl Golden {
 
     fn gradient(&self, head: &str, channels: usize) -> HeadGradient {
         let named = |name: &str| format!("{head}.{name}");
-        let moves = head == "colour";
+        let moves = head == "color";
         HeadGradient {
             means: if moves { self.rows(&named("d_means")) } else { Vec::new() },
             head: self.head(head, "d_", channels),
@@ -119,7 +119,7 @@ fn scenes() -> impl Iterator<Item = ((&'static str, f32), Golden, Gaussians, Ren
     })
 }
 
-/// Largest differences of (colour and depth, their opacity, codes, their opacity).
+/// Largest differences of (color and depth, their opacity, codes, their opacity).
 fn picture_errors(
     golden: &Golden,
     map: &Gaussians,
@@ -130,13 +130,13 @@ fn picture_errors(
         let camera = golden.camera(head);
         Camera { cx: camera.cx + shift, cy: camera.cy + shift, ..camera }
     };
-    let colour = renderer.render_colour(map, &moved("colour")).expect("renders");
+    let color = renderer.render_color(map, &moved("color")).expect("renders");
     let language = renderer.render_language(map, &moved("language")).expect("renders");
-    let pixels = colour.rgb.chunks(3).zip(&colour.depth);
+    let pixels = color.rgb.chunks(3).zip(&color.depth);
     let rows: Vec<f32> = pixels.flat_map(|(rgb, depth)| [rgb, &[*depth]].concat()).collect();
     [
-        furthest(&rows, golden.get("colour.image")),
-        furthest(&colour.opacity, golden.get("colour.alpha")),
+        furthest(&rows, golden.get("color.image")),
+        furthest(&color.opacity, golden.get("color.alpha")),
         furthest(&language.codes, golden.get("language.image")),
         furthest(&language.opacity, golden.get("language.alpha")),
     ]
@@ -153,7 +153,7 @@ fn pictures_are_those_of_another_implementation() {
     }
 }
 
-/// Largest relative error of mean and pose (both for colour only), rotation, log scale, opacity
+/// Largest relative error of mean and pose (both for color only), rotation, log scale, opacity
 /// logit, feature.
 fn gradient_errors(found: &HeadGradient, wanted: &HeadGradient) -> Vec<f32> {
     let kinds = |g: &HeadGradient| {
@@ -170,16 +170,16 @@ fn gradient_errors(found: &HeadGradient, wanted: &HeadGradient) -> Vec<f32> {
 #[test]
 fn gradients_are_those_of_another_implementation() {
     for ((scene, tolerance), golden, map, mut renderer) in scenes() {
-        let camera = golden.camera("colour");
+        let camera = golden.camera("color");
         let d_image: Vec<[f32; 4]> = functional(4 * camera.pixels()).as_chunks().0.to_vec();
-        let wanted = golden.gradient("colour", 3);
-        let found = renderer.colour_gradients(&map, &camera, &d_image).expect("runs");
+        let wanted = golden.gradient("color", 3);
+        let found = renderer.color_gradients(&map, &camera, &d_image).expect("runs");
         let errors = gradient_errors(&found, &wanted);
-        println!("{scene} colour: {errors:?}");
+        println!("{scene} color: {errors:?}");
         assert_eq!(errors.len(), 6);
         assert!(errors.iter().all(|e| *e < tolerance), "{scene}: {errors:?}");
         let moved = Camera { cx: camera.cx + 0.5, ..camera };
-        let control = renderer.colour_gradients(&map, &moved, &d_image).expect("runs");
+        let control = renderer.color_gradients(&map, &moved, &d_image).expect("runs");
         let control = gradient_errors(&control, &wanted);
         assert!(control.iter().all(|e| *e > 1e-2), "{scene}: half a pixel must show: {control:?}");
 
@@ -207,9 +207,9 @@ fn gradients_are_those_of_another_implementation() {
 #[test]
 fn the_scenes_have_what_they_promise() {
     let crowd = Golden::read("crowd");
-    let opacity = crowd.get("colour.alpha").iter().filter(|alpha| **alpha > 0.995).count();
+    let opacity = crowd.get("color.alpha").iter().filter(|alpha| **alpha > 0.995).count();
     assert!(opacity > 2000, "pixels get full: {opacity}");
-    let camera = crowd.camera("colour");
+    let camera = crowd.camera("color");
     let gaussians = crowd.gaussians();
     let seen = gaussians.means.iter().filter_map(|mean| camera.project(&(*mean).into()));
     let outside = seen.filter(|(u, v, _)| !(0.0..96.0).contains(u) || !(0.0..72.0).contains(v));
@@ -218,10 +218,10 @@ fn the_scenes_have_what_they_promise() {
         (s.iter().fold(f32::MIN, |a, b| a.max(*b)) - s.iter().fold(f32::MAX, |a, b| a.min(*b)))
             .exp()
     };
-    assert!(gaussians.colour.log_scales.iter().any(|s| stretch(s) > 40.0), "some are needles");
+    assert!(gaussians.color.log_scales.iter().any(|s| stretch(s) > 40.0), "some are needles");
     for (scene, _) in SCENES {
         let golden = Golden::read(scene);
-        for head in ["colour", "language"] {
+        for head in ["color", "language"] {
             let pose = golden.get(&format!("{head}.d_pose"));
             assert!(pose.len() == 6 && pose.iter().all(|g| g.is_finite() && *g != 0.0), "{scene}");
         }
@@ -236,7 +236,7 @@ fn the_oracle_is_another_implementations() {
         let golden = Golden::read(scene);
         let gaussians = golden.gaussians();
         for (name, head, channels) in
-            [("colour", Head::colour(&gaussians), 3), ("language", Head::language(&gaussians), 16)]
+            [("color", Head::color(&gaussians), 3), ("language", Head::language(&gaussians), 16)]
         {
             let view = View::new(&golden.camera(name));
             let image = narrow(&head.render(&view).image);
@@ -246,7 +246,7 @@ fn the_oracle_is_another_implementations() {
             let shapes = || found.shapes.iter();
             let means = shapes().map(|s| s.mean.map(|v| v as f32).data.0[0]).collect();
             let found = HeadGradient {
-                means: if name == "colour" { means } else { Vec::new() },
+                means: if name == "color" { means } else { Vec::new() },
                 head: HostHead {
                     rotations: shapes().map(|s| s.rotation.map(|v| v as f32).data.0[0]).collect(),
                     log_scales: shapes().map(|s| s.log_scale.map(|v| v as f32).data.0[0]).collect(),

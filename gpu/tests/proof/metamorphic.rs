@@ -19,9 +19,9 @@ fn map(gpu: &Gpu, scene: &HostGaussians) -> Gaussians {
 
 /// All channels of both pictures and both opacities.
 fn pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> Vec<f32> {
-    let colour = renderer.render_colour(map, camera).expect("renders");
+    let color = renderer.render_color(map, camera).expect("renders");
     let language = renderer.render_language(map, camera).expect("renders");
-    [colour.rgb, colour.depth, colour.opacity, language.codes, language.opacity].concat()
+    [color.rgb, color.depth, color.opacity, language.codes, language.opacity].concat()
 }
 
 fn gradients(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> [HeadGradient; 2] {
@@ -30,7 +30,7 @@ fn gradients(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> [Head
         (0..camera.pixels()).map(|i| std::array::from_fn(|k| ramp(4 * i + k))).collect();
     let codes: Vec<f32> = (0..camera.pixels() * CHANNELS).map(ramp).collect();
     [
-        renderer.colour_gradients(map, camera, &rows).expect("runs"),
+        renderer.color_gradients(map, camera, &rows).expect("runs"),
         renderer.language_gradients(map, camera, &codes).expect("runs"),
     ]
 }
@@ -39,7 +39,7 @@ fn gradients(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> [Head
 fn chosen(scene: &HostGaussians, index: &[usize]) -> HostGaussians {
     HostGaussians {
         means: index.iter().map(|i| scene.means[*i]).collect(),
-        colour: chosen_head(&scene.colour, index),
+        color: chosen_head(&scene.color, index),
         language: chosen_head(&scene.language, index),
     }
 }
@@ -69,7 +69,7 @@ fn joined(first: &HostGaussians, second: &HostGaussians) -> HostGaussians {
     };
     HostGaussians {
         means: [&first.means[..], &second.means].concat(),
-        colour: head(&first.colour, &second.colour),
+        color: head(&first.color, &second.color),
         language: head(&first.language, &second.language),
     }
 }
@@ -112,7 +112,7 @@ fn behind_an_opaque_wall_nothing_shows_and_nothing_learns() {
     let mut wall = support::scene(53, 3, CHANNELS, 1.0);
     for i in 0..3 {
         wall.means[i] = camera.unproject(33.0, 22.0, 4.6 + 0.1 * i as f32).into();
-        for head in [&mut wall.colour, &mut wall.language] {
+        for head in [&mut wall.color, &mut wall.language] {
             head.log_scales[i] = [4.0; 3];
             head.opacity_logits[i] = 12.0;
         }
@@ -213,7 +213,7 @@ fn only_the_pose_between_camera_and_world_counts() {
     for mean in &mut moved.means {
         *mean = (new_from_old * Point3::from(*mean)).into();
     }
-    for head in [&mut moved.colour, &mut moved.language] {
+    for head in [&mut moved.color, &mut moved.language] {
         for q in &mut head.rotations {
             let turned =
                 new_from_old.rotation.quaternion() * Quaternion::new(q[0], q[1], q[2], q[3]);

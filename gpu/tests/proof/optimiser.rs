@@ -9,28 +9,28 @@ use lexsplat_gpu::layout::HitCount;
 use lexsplat_gpu::loss::{self, Loss};
 use lexsplat_gpu::order::Ranks;
 use lexsplat_gpu::sort::Sort;
-use lexsplat_gpu::{ColourTarget, LossWeights, Parameters};
+use lexsplat_gpu::{ColorTarget, LossWeights, Parameters};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 #[test]
-fn colour_loss_matches_the_oracle() {
+fn color_loss_matches_the_oracle() {
     let gpu = support::gpu();
     let (loss, pixels) = (Loss::new(&gpu).expect("compiles"), 11 * 7);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let image: Vec<[f32; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random())).collect();
     let rgb: Vec<u8> = (0..3 * pixels).map(|_| rng.random()).collect();
     let depth: Vec<f32> = (0..pixels).map(|i| [0.0, f32::NAN, 0.5, 2.0][i % 4]).collect();
-    let target = ColourTarget::masked(&gpu, (11, 7), &rgb, &depth, |i| i % 5 != 0).expect("fits");
+    let target = ColorTarget::masked(&gpu, (11, 7), &rgb, &depth, |i| i % 5 != 0).expect("fits");
     let buffers = (
         Buffer::from_slice(&gpu, "image", &image).expect("fits"),
         Buffer::<[f32; 4]>::new(&gpu, "gradients", pixels).expect("fits"),
         Buffer::<[f32; 4]>::new(&gpu, "terms", pixels).expect("fits"),
     );
-    let weights = LossWeights { colour: 0.9, depth: 0.3, ..LossWeights::default() };
+    let weights = LossWeights { color: 0.9, depth: 0.3, ..LossWeights::default() };
     let mut recorder = Recorder::new(&gpu).expect("fits");
     let exposure = [0.1f32, -0.02];
-    loss.colour(&mut recorder, (&target, exposure), &weights, (&buffers.0, &buffers.1, &buffers.2));
+    loss.color(&mut recorder, (&target, exposure), &weights, (&buffers.0, &buffers.1, &buffers.2));
     recorder.submit();
     let (found, terms) = (buffers.1.read(&gpu, pixels), buffers.2.read(&gpu, pixels));
     let (found, terms) = (found.expect("reads"), terms.expect("reads"));
@@ -38,19 +38,19 @@ fn colour_loss_matches_the_oracle() {
     let values = |channels: std::ops::Range<usize>| -> Vec<f64> {
         image.iter().flat_map(|row| row[channels.clone()].to_vec()).map(f64::from).collect()
     };
-    let colours: Vec<_> = (0..3 * pixels)
+    let colors: Vec<_> = (0..3 * pixels)
         .map(|i| (i / 3 % 5 != 0).then(|| f64::from(f32::from(rgb[i]) / 255.0)))
         .collect();
     let depths: Vec<_> = depth.iter().map(|d| (*d > 0.0).then_some(f64::from(*d))).collect();
-    let shown = |exposure| loss::oracle::exposed(0.9f32.into(), exposure, &values(0..3), &colours);
+    let shown = |exposure| loss::oracle::exposed(0.9f32.into(), exposure, &values(0..3), &colors);
     let exposure = exposure.map(f64::from);
-    let (colour, d_colour, d_exposure) = shown(exposure);
+    let (color, d_color, d_exposure) = shown(exposure);
     let (depth, d_depth) = loss::oracle::mean_absolute(0.3f32.into(), &values(3..4), &depths);
     let sum = |i: usize| terms.iter().map(|term| f64::from(term[i])).sum::<f64>();
-    assert!((sum(0) - colour).abs() < 1e-6 && (sum(1) - depth).abs() < 1e-6);
-    println!("loss: {:.1e} {:.1e}", sum(0) - colour, sum(1) - depth);
+    assert!((sum(0) - color).abs() < 1e-6 && (sum(1) - depth).abs() < 1e-6);
+    println!("loss: {:.1e} {:.1e}", sum(0) - color, sum(1) - depth);
     for (pixel, row) in found.iter().enumerate() {
-        let wanted = [&d_colour[3 * pixel..3 * pixel + 3], &d_depth[pixel..=pixel]].concat();
+        let wanted = [&d_color[3 * pixel..3 * pixel + 3], &d_depth[pixel..=pixel]].concat();
         for (found, wanted) in row.iter().zip(wanted) {
             assert!((f64::from(*found) - wanted).abs() < 1e-8, "pixel {pixel}: {found} {wanted}");
         }
@@ -78,7 +78,7 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
         scales.iter().flat_map(|s| [[0.0; 4], [s[0], s[1], s[2], 0.0]]).collect()
     };
     let buffer = |rows: &[[f32; 4]]| Buffer::from_slice(&gpu, "rows", rows).expect("fits");
-    let [c, f] = [&scene.colour, &scene.language].map(|head| buffer(&rows(&head.log_scales)));
+    let [c, f] = [&scene.color, &scene.language].map(|head| buffer(&rows(&head.log_scales)));
     let ones = vec![[1.0f32; 4]; 100];
     let (d_c, d_f, terms_c, terms_f) = (buffer(&ones), buffer(&ones), buffer(&ones), buffer(&ones));
     let mut recorder = Recorder::new(&gpu).expect("fits");
@@ -87,7 +87,7 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
     recorder.submit();
 
     let wide = |scales: &[[f32; 3]]| scales.iter().map(|s| s.map(f64::from)).collect::<Vec<_>>();
-    let (wide_c, wide_f) = (wide(&scene.colour.log_scales), wide(&scene.language.log_scales));
+    let (wide_c, wide_f) = (wide(&scene.color.log_scales), wide(&scene.language.log_scales));
     let isotropic = |scales: &[[f64; 3]]| loss::oracle::isotropic(10.0, scales);
     let tie = |scales: &[[f64; 3]]| loss::oracle::tie(10.0, &wide_c, scales);
     for (scales, terms, gradients, oracle) in [

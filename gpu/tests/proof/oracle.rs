@@ -17,9 +17,9 @@ const SEEDS: [u64; 3] = [1, 2, 4];
 /// what rounding leaves of a difference over 2 STEP.
 const TOLERANCE: f64 = 2e-7;
 
-fn head(colour: bool, seed: u64) -> Head {
+fn head(color: bool, seed: u64) -> Head {
     let scene = support::scene(seed, 12, 5, 0.12);
-    if colour { Head::colour(&scene) } else { Head::language(&scene) }
+    if color { Head::color(&scene) } else { Head::language(&scene) }
 }
 
 fn random(seed: u64, len: usize) -> Vec<f64> {
@@ -53,16 +53,16 @@ fn worst(head: &Head, view: &View, factors: &[f64], gradient: &[f64]) -> (f64, u
 #[test]
 fn gradients_of_both_heads_match_finite_differences() {
     let view = View::new(&support::camera(37, 29));
-    for colour in [true, false] {
+    for color in [true, false] {
         for seed in SEEDS {
-            let head = head(colour, seed);
+            let head = head(color, seed);
             let factors = random(seed, 37 * 29 * head.picture_channels());
             let gradient = head.gradients(&view, &factors).flatten();
             let (error, place) = worst(&head, &view, &factors, &gradient);
-            println!("colour {colour} seed {seed}: {error:.1e} at {place}");
+            println!("color {color} seed {seed}: {error:.1e} at {place}");
             let moved = gradient.iter().filter(|g| g.abs() > 1e-3).count();
             assert!(moved > gradient.len() / 2, "most parameters matter: {moved}");
-            assert!(error < TOLERANCE, "colour {colour} seed {seed}: {error:.1e} at {place}");
+            assert!(error < TOLERANCE, "color {color} seed {seed}: {error:.1e} at {place}");
         }
     }
 }

@@ -7,7 +7,7 @@ use lexsplat_gpu::layout::{HUGE, NEAR};
 use lexsplat_gpu::oracle::Head;
 use lexsplat_gpu::project::oracle::{self as project, View};
 use lexsplat_gpu::{
-    Camera, ColourTarget, Gaussians, Gpu, HeadGradient, HostGaussians, LanguageTarget,
+    Camera, ColorTarget, Gaussians, Gpu, HeadGradient, HostGaussians, LanguageTarget,
     LearningRates, LossWeights, Renderer, TrainingView,
 };
 use nalgebra::Isometry3;
@@ -29,9 +29,9 @@ fn straight(width: u32, height: u32) -> Camera {
 
 /// All channels of both pictures and both opacities.
 fn pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> Vec<f32> {
-    let colour = renderer.render_colour(map, camera).expect("renders");
+    let color = renderer.render_color(map, camera).expect("renders");
     let language = renderer.render_language(map, camera).expect("renders");
-    [colour.rgb, colour.depth, colour.opacity, language.codes, language.opacity].concat()
+    [color.rgb, color.depth, color.opacity, language.codes, language.opacity].concat()
 }
 
 /// Gradients of both heads for a fixed function of the pictures.
@@ -41,7 +41,7 @@ fn gradients(renderer: &mut Renderer, map: &Gaussians, camera: &Camera) -> [Head
         (0..camera.pixels()).map(|i| std::array::from_fn(|k| ramp(4 * i + k))).collect();
     let codes: Vec<f32> = (0..camera.pixels() * CHANNELS).map(ramp).collect();
     [
-        renderer.colour_gradients(map, camera, &rows).expect("runs"),
+        renderer.color_gradients(map, camera, &rows).expect("runs"),
         renderer.language_gradients(map, camera, &codes).expect("runs"),
     ]
 }
@@ -64,13 +64,13 @@ fn row(gradient: &HeadGradient, i: usize) -> Vec<f32> {
 /// One step towards grey pictures and codes.
 fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera) {
     let (pixels, size) = (camera.pixels(), (camera.width, camera.height));
-    let colour = ColourTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
+    let color = ColorTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
     let codes = vec![0.5; CHANNELS * pixels];
     let language = LanguageTarget::new(gpu, size.0, size.1, CHANNELS, &codes).expect("fits");
-    let colour = colour.expect("fits");
+    let color = color.expect("fits");
     let view = TrainingView {
         camera,
-        colour: Some(&colour),
+        color: Some(&color),
         language: Some((camera, &language)),
         exposure: [0.0; 2],
     };
@@ -93,7 +93,7 @@ fn poisons() -> Vec<Poison> {
             all.push((
                 format!("log scale {axis} {poison}"),
                 Box::new(move |s| {
-                    s.colour.log_scales[0][axis] = poison;
+                    s.color.log_scales[0][axis] = poison;
                     s.language.log_scales[0][axis] = poison;
                 }),
             ));
@@ -102,7 +102,7 @@ fn poisons() -> Vec<Poison> {
             all.push((
                 format!("rotation {part} {poison}"),
                 Box::new(move |s| {
-                    s.colour.rotations[0][part] = poison;
+                    s.color.rotations[0][part] = poison;
                     s.language.rotations[0][part] = poison;
                 }),
             ));
@@ -112,7 +112,7 @@ fn poisons() -> Vec<Poison> {
         all.push((
             format!("opacity logit {logit}"),
             Box::new(move |s| {
-                s.colour.opacity_logits[0] = logit;
+                s.color.opacity_logits[0] = logit;
                 s.language.opacity_logits[0] = logit;
             }),
         ));
@@ -121,7 +121,7 @@ fn poisons() -> Vec<Poison> {
         all.push((
             format!("quaternion of length {length}"),
             Box::new(move |s| {
-                s.colour.rotations[0] = [length, 0.0, -length, length];
+                s.color.rotations[0] = [length, 0.0, -length, length];
                 s.language.rotations[0] = [length, 0.0, -length, length];
             }),
         ));
@@ -175,7 +175,7 @@ fn a_spoilt_gaussian_is_left_out_and_harms_nobody() {
 /// Every parameter of some Gaussians, as bits.
 fn bits(scene: &HostGaussians, which: std::ops::Range<usize>) -> Vec<u32> {
     let mut all: Vec<f32> = scene.means[which.clone()].concat();
-    for head in [&scene.colour, &scene.language] {
+    for head in [&scene.color, &scene.language] {
         all.extend(head.rotations[which.clone()].iter().flatten());
         all.extend(head.log_scales[which.clone()].iter().flatten());
         all.extend(&head.opacity_logits[which.clone()]);
@@ -201,14 +201,14 @@ fn extreme_values_are_drawn_as_far_as_they_go() {
         for logit in [-100.0, -6.0, 0.3, 100.0, f32::MAX, f32::INFINITY] {
             let mut scene = support::scene(42, 3, CHANNELS, 0.1);
             scene.means[0] = [0.1, -0.05, 0.8];
-            for head in [&mut scene.colour, &mut scene.language] {
+            for head in [&mut scene.color, &mut scene.language] {
                 head.log_scales[0] = log_scales;
                 head.opacity_logits[0] = logit;
             }
             let map = map(&gpu, &scene);
-            let image = renderer.render_colour(&map, &camera).expect("renders");
+            let image = renderer.render_color(&map, &camera).expect("renders");
             let view = View::new(&camera);
-            let mut head = Head::colour(&scene);
+            let mut head = Head::color(&scene);
             let splat = project::forward(&view, &head.shapes[0]);
             if splat.is_some_and(|splat| 1.0 / splat.conic.determinant() >= f64::from(HUGE)) {
                 head.shapes[0].mean.z = -1.0; // too large to be drawn
@@ -240,10 +240,10 @@ fn a_long_needle_has_no_holes() {
             let mut scene = support::scene(46, 1, CHANNELS, 0.1);
             let (sin, cos) = turn.to_radians().sin_cos();
             scene.means[0] = [0.0, 0.0, 0.8];
-            scene.colour.rotations[0] = [cos, 0.0, 0.0, sin];
-            scene.colour.log_scales[0] = [log_length, -4.0, -4.0];
-            scene.colour.opacity_logits[0] = 0.0;
-            let image = renderer.render_colour(&map(&gpu, &scene), &camera).expect("renders");
+            scene.color.rotations[0] = [cos, 0.0, 0.0, sin];
+            scene.color.log_scales[0] = [log_length, -4.0, -4.0];
+            scene.color.opacity_logits[0] = 0.0;
+            let image = renderer.render_color(&map(&gpu, &scene), &camera).expect("renders");
             let axis: Vec<f32> = (0..33).map(|i| image.opacity[33 * i + i]).collect();
             assert!(axis.iter().all(|opacity| *opacity > 0.1), "{log_length}: {axis:?}");
         }
@@ -258,7 +258,7 @@ fn a_spoilt_feature_stays_out_of_the_picture() {
     let camera = straight(37, 29);
     for poison in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
         let mut scene = support::scene(47, 20, CHANNELS, 0.1);
-        scene.colour.features[1] = poison;
+        scene.color.features[1] = poison;
         scene.language.features[2] = poison;
         let mut map = map(&gpu, &scene);
         assert!(pictures(&mut renderer, &map, &camera).iter().all(|v| v.is_finite()), "{poison}");
@@ -280,7 +280,7 @@ fn the_near_plane_is_where_it_says() {
     for (z, drawn) in [(NEAR, false), (NEAR.next_up(), true), (NEAR.next_down(), false)] {
         let mut scene = support::scene(43, 1, CHANNELS, 0.01);
         scene.means[0] = [0.0, 0.0, z];
-        let opacity = renderer.render_colour(&map(&gpu, &scene), &camera).expect("renders").opacity;
+        let opacity = renderer.render_color(&map(&gpu, &scene), &camera).expect("renders").opacity;
         assert_eq!(opacity.iter().any(|value| *value > 0.0), drawn, "z {z}");
     }
 }
@@ -293,12 +293,12 @@ fn five_thousand_on_one_pixel_have_finite_gradients_and_a_sound_step() {
     let mut scene = support::scene(44, 5000, CHANNELS, 0.08);
     for (i, mean) in scene.means.iter_mut().enumerate() {
         *mean = camera.unproject(10.0, 9.0, 1.0 + 1e-4 * (i % 977) as f32).into();
-        scene.colour.opacity_logits[i] = -4.4;
+        scene.color.opacity_logits[i] = -4.4;
         scene.language.opacity_logits[i] = if i.is_multiple_of(50) { 100.0 } else { -4.3 };
     }
     let mut map = map(&gpu, &scene);
-    let image = renderer.render_colour(&map, &camera).expect("renders");
-    let wanted = Head::colour(&scene).render(&View::new(&camera));
+    let image = renderer.render_color(&map, &camera).expect("renders");
+    let wanted = Head::color(&scene).render(&View::new(&camera));
     let pairs = image.opacity.iter().zip(&wanted.transmittance);
     let error = pairs.map(|(a, t)| (f64::from(*a) - (1.0 - t)).abs()).fold(0.0, f64::max);
     // Measured on llvmpipe: 3.9e-7.
@@ -322,12 +322,12 @@ fn odd_sizes_match_the_oracle() {
     let scene = support::scene(45, 25, CHANNELS, 0.3);
     let map = map(&gpu, &scene);
     let mut other = scene.clone();
-    other.colour.opacity_logits[0] += 1.0;
+    other.color.opacity_logits[0] += 1.0;
     for (width, height) in [(1, 1), (1, 17), (17, 1), (15, 33), (16, 16), (31, 2), (65, 3)] {
         let camera = Camera { fx: 30.0, fy: 31.0, ..straight(width, height) };
-        let image = renderer.render_colour(&map, &camera).expect("renders");
+        let image = renderer.render_color(&map, &camera).expect("renders");
         let error = |scene: &HostGaussians| {
-            let wanted = Head::colour(scene).render(&View::new(&camera)).image;
+            let wanted = Head::color(scene).render(&View::new(&camera)).image;
             let channels = image.rgb.chunks(3).zip(&image.depth);
             let found = channels.flat_map(|(rgb, depth)| [rgb[0], rgb[1], rgb[2], *depth]);
             found.zip(wanted).map(|(a, b)| (f64::from(a) - b).abs()).fold(0.0, f64::max)

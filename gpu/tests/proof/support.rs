@@ -31,7 +31,7 @@ pub fn camera(width: u32, height: u32) -> Camera {
 pub fn scene(seed: u64, count: usize, channels: usize, size: f32) -> HostGaussians {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut gaussians = HostGaussians {
-        colour: HostHead { channels: 3, ..HostHead::default() },
+        color: HostHead { channels: 3, ..HostHead::default() },
         language: HostHead { channels, ..HostHead::default() },
         ..HostGaussians::default()
     };
@@ -39,7 +39,7 @@ pub fn scene(seed: u64, count: usize, channels: usize, size: f32) -> HostGaussia
         let z: f32 = rng.random_range(1.0..4.0);
         let mut side = || 0.6 * z * rng.random_range(-1.0f32..1.0);
         gaussians.means.push([side(), side(), z]);
-        for head in [&mut gaussians.colour, &mut gaussians.language] {
+        for head in [&mut gaussians.color, &mut gaussians.language] {
             head.rotations.push(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
             head.log_scales
                 .push(std::array::from_fn(|_| (size * rng.random_range(0.4f32..2.0)).ln()));

@@ -22,18 +22,18 @@ fn results(gpu: &Gpu, scene: &HostGaussians) -> Vec<f32> {
     let mut renderer = Renderer::new(gpu, CHANNELS).expect("compiles");
     let mut map = Gaussians::new(gpu, CHANNELS);
     map.append(scene).expect("fits");
-    let colour = renderer.render_colour(&map, &camera).expect("renders");
+    let color = renderer.render_color(&map, &camera).expect("renders");
     let given = renderer.contributions(&map, &camera).expect("renders");
     let weights = given.iter().map(|given| given.weight / camera.pixels() as f32).collect();
     let language = renderer.render_language(&map, &camera).expect("renders");
-    let mut all = [colour.rgb, colour.depth, colour.opacity, weights, language.codes].concat();
+    let mut all = [color.rgb, color.depth, color.opacity, weights, language.codes].concat();
 
     let ramp = |i: usize| (i % 17) as f32 / 17.0 - 0.4;
     let rows: Vec<[f32; 4]> =
         (0..camera.pixels()).map(|i| std::array::from_fn(|k| ramp(4 * i + k))).collect();
     let codes: Vec<f32> = (0..camera.pixels() * CHANNELS).map(ramp).collect();
     let gradients = [
-        renderer.colour_gradients(&map, &camera, &rows).expect("runs"),
+        renderer.color_gradients(&map, &camera, &rows).expect("runs"),
         renderer.language_gradients(&map, &camera, &codes).expect("runs"),
     ];
     for gradient in gradients {
@@ -55,7 +55,7 @@ fn results(gpu: &Gpu, scene: &HostGaussians) -> Vec<f32> {
     let target = LanguageTarget::new(gpu, 67, 45, CHANNELS, &targets).expect("fits");
     let view = TrainingView {
         camera: &camera,
-        colour: None,
+        color: None,
         language: Some((&camera, &target)),
         exposure: [0.0; 2],
     };

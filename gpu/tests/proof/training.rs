@@ -5,7 +5,7 @@ use crate::support;
 use lexsplat_gpu::oracle::Head;
 use lexsplat_gpu::project::oracle::View;
 use lexsplat_gpu::{
-    Camera, ColourTarget, Gaussians, Gpu, HeadRates, HostGaussians, LanguageTarget, LearningRates,
+    Camera, ColorTarget, Gaussians, Gpu, HeadRates, HostGaussians, LanguageTarget, LearningRates,
     LossWeights, Losses, Renderer, Ties, TrainingView, loss,
 };
 use rand::{Rng, SeedableRng};
@@ -17,11 +17,11 @@ fn map(gpu: &Gpu, scene: &HostGaussians) -> Gaussians {
     gaussians
 }
 
-/// A scene's own pictures as targets, colour at the camera's size and language at a third of it.
+/// A scene's own pictures as targets, color at the camera's size and language at a third of it.
 struct Targets {
     camera: Camera,
     labels: Camera,
-    colour: ColourTarget,
+    color: ColorTarget,
     language: LanguageTarget,
 }
 
@@ -31,21 +31,21 @@ impl Targets {
         let map = map(gpu, scene);
         let camera = support::camera(67, 45);
         let labels = camera.resized(33, 22);
-        let image = renderer.render_colour(&map, &camera).expect("renders");
+        let image = renderer.render_color(&map, &camera).expect("renders");
         let rgb: Vec<u8> = image.rgb.iter().map(|v| (v * 255.0).round() as u8).collect();
         let codes = renderer.render_language(&map, &labels).expect("renders");
         Self {
-            colour: ColourTarget::new(gpu, (67, 45), &rgb, &image.depth).expect("fits"),
+            color: ColorTarget::new(gpu, (67, 45), &rgb, &image.depth).expect("fits"),
             language: LanguageTarget::new(gpu, 33, 22, codes.channels, &codes.codes).expect("fits"),
             camera,
             labels,
         }
     }
 
-    fn view(&self, colour: bool, language: bool) -> TrainingView<'_> {
+    fn view(&self, color: bool, language: bool) -> TrainingView<'_> {
         TrainingView {
             camera: &self.camera,
-            colour: colour.then_some(&self.colour),
+            color: color.then_some(&self.color),
             language: language.then_some((&self.labels, &self.language)),
             exposure: [0.0; 2],
         }
@@ -54,7 +54,7 @@ impl Targets {
 
 /// Only the terms that compare pictures.
 const DATA: LossWeights =
-    LossWeights { colour: 1.0, depth: 0.2, language: 1.0, isotropic: 0.0, tie: 0.0 };
+    LossWeights { color: 1.0, depth: 0.2, language: 1.0, isotropic: 0.0, tie: 0.0 };
 
 /// A scene with every parameter a little off.
 fn disturbed(scene: &HostGaussians) -> HostGaussians {
@@ -62,7 +62,7 @@ fn disturbed(scene: &HostGaussians) -> HostGaussians {
     let mut scene = scene.clone();
     let mut off = |size: f32| size * rng.random_range(-1.0f32..1.0);
     scene.means.iter_mut().flatten().for_each(|v| *v += off(0.03));
-    for head in [&mut scene.colour, &mut scene.language] {
+    for head in [&mut scene.color, &mut scene.language] {
         head.log_scales.iter_mut().flatten().for_each(|v| *v += off(0.3));
         head.opacity_logits.iter_mut().for_each(|v| *v += off(0.5));
         head.features.iter_mut().for_each(|v| *v += off(0.3));
@@ -85,7 +85,7 @@ fn train(
 }
 
 #[test]
-fn colour_and_language_converge() {
+fn color_and_language_converge() {
     let gpu = support::gpu();
     let scene = support::scene(1, 150, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
@@ -94,13 +94,13 @@ fn colour_and_language_converge() {
     let losses = train(&mut renderer, &mut map, &targets.view(true, true), 200);
     let (first, last) = (losses[0], losses[199]);
     println!("{first:?}\n{last:?}");
-    assert!(last.colour < 0.3 * first.colour, "{} to {}", first.colour, last.colour);
+    assert!(last.color < 0.3 * first.color, "{} to {}", first.color, last.color);
     assert!(last.depth < 0.5 * first.depth, "{} to {}", first.depth, last.depth);
     assert!(last.language < 0.3 * first.language, "{} to {}", first.language, last.language);
 }
 
 #[test]
-fn language_alone_leaves_means_and_colour_alone() {
+fn language_alone_leaves_means_and_color_alone() {
     let gpu = support::gpu();
     let scene = support::scene(2, 100, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
@@ -109,17 +109,17 @@ fn language_alone_leaves_means_and_colour_alone() {
     let mut map = map(&gpu, &before);
     let losses = train(&mut renderer, &mut map, &targets.view(false, true), 5);
     let after = map.to_host().expect("reads");
-    assert_eq!((&after.means, &after.colour), (&before.means, &before.colour));
+    assert_eq!((&after.means, &after.color), (&before.means, &before.color));
     assert_ne!(after.language.features, before.language.features);
     assert_ne!(after.language.rotations, before.language.rotations);
     assert_ne!(after.language.log_scales, before.language.log_scales);
     assert_ne!(after.language.opacity_logits, before.language.opacity_logits);
-    assert!(losses[0].colour == 0.0 && losses[0].language > 0.0);
+    assert!(losses[0].color == 0.0 && losses[0].language > 0.0);
 
     train(&mut renderer, &mut map, &targets.view(true, false), 5);
-    let colour = map.to_host().expect("reads");
-    assert_eq!(colour.language, after.language);
-    assert_ne!(colour.means, after.means);
+    let color = map.to_host().expect("reads");
+    assert_eq!(color.language, after.language);
+    assert_ne!(color.means, after.means);
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn unseen_gaussians_stay_as_they_are() {
     renderer.settle(&mut map).expect("settles");
     let after = map.to_host().expect("reads");
     assert_eq!(after.means[..10], scene.means[..10]);
-    assert_eq!(after.colour.log_scales[..10], scene.colour.log_scales[..10]);
+    assert_eq!(after.color.log_scales[..10], scene.color.log_scales[..10]);
     assert_eq!(after.language.log_scales[..10], scene.language.log_scales[..10]);
     assert_ne!(after.means[10..], scene.means[10..]);
 }
@@ -168,10 +168,10 @@ fn poison_does_not_spread() {
     let targets = Targets::new(&gpu, &scene);
     let mut poisoned = scene.clone();
     poisoned.means[0][0] = f32::NAN;
-    poisoned.colour.rotations[1] = [0.0; 4];
-    poisoned.colour.log_scales[2] = [f32::INFINITY; 3];
+    poisoned.color.rotations[1] = [0.0; 4];
+    poisoned.color.log_scales[2] = [f32::INFINITY; 3];
     poisoned.language.log_scales[3] = [f32::NAN; 3];
-    poisoned.colour.opacity_logits[4] = 1e9;
+    poisoned.color.opacity_logits[4] = 1e9;
     poisoned.language.features[5 * 15] = 1e25;
     let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
     let mut map = map(&gpu, &poisoned);
@@ -183,7 +183,7 @@ fn poison_does_not_spread() {
     renderer.settle(&mut map).expect("settles");
     let after = map.to_host().expect("reads");
     assert!(after.means[1..].iter().flatten().all(|v| v.is_finite()));
-    for head in [&after.colour, &after.language] {
+    for head in [&after.color, &after.language] {
         assert!(head.rotations.iter().flatten().all(|v| v.is_finite()));
         assert!(head.log_scales[4..].iter().flatten().all(|v| v.is_finite()));
         assert!(head.opacity_logits.iter().chain(&head.features).all(|v| v.is_finite()));
@@ -208,7 +208,7 @@ fn wrong_targets_are_refused_and_nothing_to_do_is_done() {
     let mut empty = Gaussians::new(&gpu, 15);
     renderer.step(&mut empty, &targets.view(true, true), &weights, &rates).expect("nothing to do");
     assert!(LanguageTarget::new(&gpu, 1, 1, 2, &[0.0, f32::NAN]).is_err());
-    assert!(ColourTarget::new(&gpu, (2, 1), &[0; 6], &[0.0]).is_err());
+    assert!(ColorTarget::new(&gpu, (2, 1), &[0; 6], &[0.0]).is_err());
 }
 
 /// The report's pose and exposure gradients are those of the loss: against the oracles, on a scene
@@ -221,7 +221,7 @@ fn a_step_reports_pose_and_exposure_gradients() {
     let off = disturbed(&scene);
     let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
     let mut gaussians = map(&gpu, &off);
-    let image = renderer.render_colour(&gaussians, &targets.camera).expect("renders");
+    let image = renderer.render_color(&gaussians, &targets.camera).expect("renders");
     let exposure = [0.2f32, 0.05];
     let view = TrainingView { exposure, ..targets.view(true, true) };
     renderer.step(&mut gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
@@ -229,14 +229,14 @@ fn a_step_reports_pose_and_exposure_gradients() {
 
     let shown = Renderer::new(&gpu, 15)
         .expect("compiles")
-        .render_colour(&map(&gpu, &scene), &targets.camera)
+        .render_color(&map(&gpu, &scene), &targets.camera)
         .expect("renders");
     let target = |v: f32| f64::from((v * 255.0).round() / 255.0);
     let wide = |values: &[f32]| -> Vec<f64> { values.iter().map(|v| f64::from(*v)).collect() };
-    let colours: Vec<_> = shown.rgb.iter().map(|v| Some(target(*v))).collect();
+    let colors: Vec<_> = shown.rgb.iter().map(|v| Some(target(*v))).collect();
     let depths: Vec<_> = shown.depth.iter().map(|d| (*d > 0.0).then_some(f64::from(*d))).collect();
     let (_, d_rgb, d_exposure) =
-        loss::oracle::exposed(1.0, exposure.map(f64::from), &wide(&image.rgb), &colours);
+        loss::oracle::exposed(1.0, exposure.map(f64::from), &wide(&image.rgb), &colors);
     let (_, d_depth) = loss::oracle::mean_absolute(0.2f32.into(), &wide(&image.depth), &depths);
     let d_image: Vec<f64> = d_rgb
         .chunks(3)
@@ -244,7 +244,7 @@ fn a_step_reports_pose_and_exposure_gradients() {
         .flat_map(|(rgb, depth)| [rgb[0], rgb[1], rgb[2], *depth])
         .collect();
     let camera = View::new(&targets.camera);
-    let wanted = Head::colour(&off).pose_gradient(&camera, &d_image);
+    let wanted = Head::color(&off).pose_gradient(&camera, &d_image);
     // Measured on llvmpipe: 3.3e-7 of the largest.
     let largest = wanted.amax();
     for axis in 0..6 {
@@ -269,7 +269,7 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
     let before = disturbed(&scene);
     let exposure = [0.1f32, -0.02];
     let view = TrainingView { exposure, ..targets.view(true, false) };
-    let seen = (&targets.camera, &targets.colour);
+    let seen = (&targets.camera, &targets.color);
     let rates = LearningRates::default();
     let steps = 3;
     // Behind some steps: a look (or none), then what the next step finds and where everything is.
@@ -306,7 +306,7 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
     let nothing = renderer.look(&empty, seen, exposure, &DATA).expect("looks");
     assert_eq!(nothing, lexsplat_gpu::StepReport::default());
     let wrong = targets.camera.resized(30, 20);
-    assert!(renderer.look(&gaussians, (&wrong, &targets.colour), exposure, &DATA).is_err());
+    assert!(renderer.look(&gaussians, (&wrong, &targets.color), exposure, &DATA).is_err());
 }
 
 /// A list that overflows in the middle of a sequence loses no step: the same losses, step by step.
@@ -345,16 +345,16 @@ fn a_step_that_overflows_is_taken_again() {
 fn tied_parameters_stay_equal_and_add_their_gradients() {
     let gpu = support::gpu();
     let mut scene = support::scene(9, 80, 15, 0.12);
-    scene.language.rotations.clone_from(&scene.colour.rotations);
-    scene.language.log_scales.clone_from(&scene.colour.log_scales);
-    scene.language.opacity_logits.clone_from(&scene.colour.opacity_logits);
+    scene.language.rotations.clone_from(&scene.color.rotations);
+    scene.language.log_scales.clone_from(&scene.color.log_scales);
+    scene.language.opacity_logits.clone_from(&scene.color.opacity_logits);
     let targets = Targets::new(&gpu, &support::scene(10, 80, 15, 0.12));
     let steps = |ties: Ties, views: &[(bool, bool)]| {
         let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
         renderer.set_ties(ties);
         let mut gaussians = map(&gpu, &scene);
-        for (colour, language) in views {
-            let view = targets.view(*colour, *language);
+        for (color, language) in views {
+            let view = targets.view(*color, *language);
             renderer.step(&mut gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
         }
         renderer.settle(&mut gaussians).expect("settles");
@@ -365,40 +365,38 @@ fn tied_parameters_stay_equal_and_add_their_gradients() {
         [(true, true, true), (true, false, false), (false, true, false), (false, false, true)]
     {
         let found = steps(Ties { rotation, scale, opacity }, &views);
-        let (c, l) = (&found.colour, &found.language);
+        let (c, l) = (&found.color, &found.language);
         assert_eq!(c.rotations == l.rotations, rotation);
         assert_eq!(c.log_scales == l.log_scales, scale);
         assert_eq!(c.opacity_logits == l.opacity_logits, opacity);
-        assert_ne!(c.opacity_logits, scene.colour.opacity_logits, "they learn");
+        assert_ne!(c.opacity_logits, scene.color.opacity_logits, "they learn");
     }
     let tied = Ties { rotation: true, scale: true, opacity: true };
     let alone = steps(tied, &[(false, true)]);
-    assert_ne!(alone.colour.opacity_logits, scene.colour.opacity_logits, "language moves both");
-    assert_eq!((&alone.means, &alone.colour.features), (&scene.means, &scene.colour.features));
+    assert_ne!(alone.color.opacity_logits, scene.color.opacity_logits, "language moves both");
+    assert_eq!((&alone.means, &alone.color.features), (&scene.means, &scene.color.features));
     // One step with both heads moves by the sign of the summed gradient (Adam's first step).
     let both = steps(tied, &[(true, true)]);
-    let gradients = |colour: bool| -> Vec<f32> {
+    let gradients = |color: bool| -> Vec<f32> {
         let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
         let mut gaussians = map(&gpu, &scene);
         let rates = LearningRates::default();
-        renderer
-            .step(&mut gaussians, &targets.view(colour, !colour), &DATA, &rates)
-            .expect("steps");
+        renderer.step(&mut gaussians, &targets.view(color, !color), &DATA, &rates).expect("steps");
         renderer.settle(&mut gaussians).expect("settles");
         let host = gaussians.to_host().expect("reads");
-        let head = if colour { host.colour } else { host.language };
-        let start = &scene.colour.opacity_logits;
+        let head = if color { host.color } else { host.language };
+        let start = &scene.color.opacity_logits;
         head.opacity_logits.iter().zip(start).map(|(after, before)| after - before).collect()
     };
     let moves = |host: &HostGaussians| -> Vec<f32> {
-        let start = &scene.colour.opacity_logits;
-        host.colour.opacity_logits.iter().zip(start).map(|(a, b)| a - b).collect()
+        let start = &scene.color.opacity_logits;
+        host.color.opacity_logits.iter().zip(start).map(|(a, b)| a - b).collect()
     };
-    let (by_colour, by_language, by_both) = (gradients(true), gradients(false), moves(&both));
-    let agree = (0..80).filter(|i| by_colour[*i] * by_language[*i] > 0.0).collect::<Vec<_>>();
-    assert!(agree.len() > 5 && agree.iter().all(|i| by_both[*i] * by_colour[*i] > 0.0));
+    let (by_color, by_language, by_both) = (gradients(true), gradients(false), moves(&both));
+    let agree = (0..80).filter(|i| by_color[*i] * by_language[*i] > 0.0).collect::<Vec<_>>();
+    assert!(agree.len() > 5 && agree.iter().all(|i| by_both[*i] * by_color[*i] > 0.0));
     let follow = |one: &[f32]| (0..80).filter(|i| by_both[*i] * one[*i] < 0.0).count();
-    assert!(follow(&by_colour) > 0 && follow(&by_language) > 0, "neither head decides alone");
+    assert!(follow(&by_color) > 0 && follow(&by_language) > 0, "neither head decides alone");
 }
 
 /// Against numbers that follow from the picture alone. Measured on llvmpipe: weights 3e-6 relative.
@@ -412,7 +410,7 @@ fn steps_keep_statistics() {
     let given = renderer.contributions(&gaussians, &targets.camera).expect("reads");
     let still = LearningRates {
         mean: 0.0,
-        colour: HeadRates { rotation: 0.0, log_scale: 0.0, opacity: 0.0, feature: 0.0 },
+        color: HeadRates { rotation: 0.0, log_scale: 0.0, opacity: 0.0, feature: 0.0 },
         ..LearningRates::default()
     };
     for _ in 0..3 {

@@ -6,7 +6,7 @@
 //! poison.rs.
 
 use lexsplat_gpu::{
-    Camera, ColourTarget, Gaussians, Gpu, GpuError, HostGaussians, HostHead, LanguageTarget,
+    Camera, ColorTarget, Gaussians, Gpu, GpuError, HostGaussians, HostHead, LanguageTarget,
     LearningRates, LossWeights, Renderer, TrainingView,
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -86,7 +86,7 @@ pub fn scene_from_bytes(bytes: &[u8]) -> (HostGaussians, Camera) {
     let camera = camera(&mut reader);
     let mut scene = HostGaussians {
         means: Vec::new(),
-        colour: HostHead { channels: 3, ..HostHead::default() },
+        color: HostHead { channels: 3, ..HostHead::default() },
         language: HostHead { channels: CHANNELS, ..HostHead::default() },
     };
     while !reader.is_empty() && scene.len() < MOST {
@@ -96,7 +96,7 @@ pub fn scene_from_bytes(bytes: &[u8]) -> (HostGaussians, Camera) {
         let depth = reader.value(-0.2, 5.0);
         let (u, v) = (u * camera.width as f32, v * camera.height as f32);
         scene.means.push(camera.unproject(u, v, depth).into());
-        for head in [&mut scene.colour, &mut scene.language] {
+        for head in [&mut scene.color, &mut scene.language] {
             head.rotations.push(reader.values(-1.0, 1.0));
             head.log_scales.push(reader.values(-6.0, 1.0));
             head.opacity_logits.push(reader.value(-6.0, 6.0));
@@ -144,7 +144,7 @@ pub fn hold(gpu: &Gpu, renderer: &mut Renderer, bytes: &[u8]) -> Outcome {
     let (scene, camera) = scene_from_bytes(bytes);
     let mut map = Gaussians::new(gpu, CHANNELS);
     map.append(&scene).expect("shapes agree");
-    let first = renderer.render_colour(&map, &camera);
+    let first = renderer.render_color(&map, &camera);
     if !is_usable(&camera) {
         let error = first.expect_err("the camera cannot be used");
         assert!(matches!(error, GpuError::BadValue { what: "camera", .. }), "{error}");
@@ -164,7 +164,7 @@ pub fn hold(gpu: &Gpu, renderer: &mut Renderer, bytes: &[u8]) -> Outcome {
 
 /// True if there is anything in the picture.
 fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, when: &str) -> bool {
-    let colour = renderer.render_colour(map, camera).expect("it did before");
+    let color = renderer.render_color(map, camera).expect("it did before");
     let contributions = renderer.contributions(map, camera).expect("renders");
     let share = |value: f32| value / camera.pixels() as f32;
     let weights: Vec<f32> = contributions.iter().map(|given| share(given.weight)).collect();
@@ -174,11 +174,11 @@ fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, whe
         let found = values.iter().find(|value| !value.is_finite());
         assert!(found.is_none(), "{what} {when}: {found:?}");
     };
-    finite("rgb", &colour.rgb);
-    finite("depth", &colour.depth);
+    finite("rgb", &color.rgb);
+    finite("depth", &color.depth);
     finite("codes", &language.codes);
     for (what, values) in [
-        ("opacity", &colour.opacity),
+        ("opacity", &color.opacity),
         ("language opacity", &language.opacity),
         ("share of the light", &weights),
         ("share of the pixels", &touched),
@@ -186,33 +186,33 @@ fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, whe
         let found = values.iter().find(|value| !(0.0..=1.0).contains(*value));
         assert!(found.is_none(), "{what} {when}: {found:?}");
     }
-    colour.opacity.iter().any(|opacity| *opacity > 0.0)
+    color.opacity.iter().any(|opacity| *opacity > 0.0)
 }
 
 fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera) {
     let pixels = camera.pixels();
     let size = (camera.width, camera.height);
-    let colour = ColourTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
+    let color = ColorTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
     let codes = vec![0.5; CHANNELS * pixels];
     let language = LanguageTarget::new(gpu, size.0, size.1, CHANNELS, &codes);
-    let (colour, language) = (colour.expect("fits"), language.expect("fits"));
+    let (color, language) = (color.expect("fits"), language.expect("fits"));
     let view = TrainingView {
         camera,
-        colour: Some(&colour),
+        color: Some(&color),
         language: Some((camera, &language)),
         exposure: [0.1, -0.05],
     };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
     renderer.step(map, &view, &weights, &rates).expect("the camera can be used");
     let losses = renderer.last_report(map).expect("settles").losses;
-    let all = [losses.colour, losses.depth, losses.language, losses.isotropic, losses.tie];
+    let all = [losses.color, losses.depth, losses.language, losses.isotropic, losses.tie];
     assert!(all.iter().all(|loss| loss.is_finite() && *loss >= 0.0), "{losses:?}");
 }
 
 /// Every array of parameters of two maps, by name.
 fn pairs(a: &HostGaussians, b: &HostGaussians) -> Vec<(&'static str, Vec<f32>, Vec<f32>)> {
     let mut all = vec![("mean", a.means.concat(), b.means.concat())];
-    for (a, b) in [(&a.colour, &b.colour), (&a.language, &b.language)] {
+    for (a, b) in [(&a.color, &b.color), (&a.language, &b.language)] {
         all.push(("rotation", a.rotations.concat(), b.rotations.concat()));
         all.push(("log scale", a.log_scales.concat(), b.log_scales.concat()));
         all.push(("opacity logit", a.opacity_logits.clone(), b.opacity_logits.clone()));

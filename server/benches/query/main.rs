@@ -79,7 +79,7 @@ fn code(
 fn room(size: usize, codes: &[Vec<f32>]) -> HostGaussians {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let mut map = HostGaussians::default();
-    (map.colour.channels, map.language.channels) = (3, codes[0].len());
+    (map.color.channels, map.language.channels) = (3, codes[0].len());
     for at in 0..size {
         let word = at % codes.len();
         let half = if word < 3 { [2.0, 1.5, 2.0] } else { [0.3, 0.3, 0.3] };
@@ -93,7 +93,7 @@ fn room(size: usize, codes: &[Vec<f32>]) -> HostGaussians {
         map.means.push(std::array::from_fn(|axis| middle[axis] + offset[axis]));
         let shade = word as f32 / codes.len() as f32;
         for (head, feature) in
-            [(&mut map.colour, &[shade, 0.5, 1.0 - shade][..]), (&mut map.language, &codes[word])]
+            [(&mut map.color, &[shade, 0.5, 1.0 - shade][..]), (&mut map.language, &codes[word])]
         {
             head.rotations.push([1.0, 0.0, 0.0, 0.0]);
             head.log_scales.push([0.02_f32.ln(); 3]);

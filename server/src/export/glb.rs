@@ -18,7 +18,7 @@ const BINARY_CHUNK: u32 = 0x004e_4942;
 const UNSIGNED_BYTE: u32 = 5121;
 const FLOAT: u32 = 5126;
 
-/// The colour heads in glTF. An empty map is a scene with nothing in it: accessors may not be empty.
+/// The color heads in glTF. An empty map is a scene with nothing in it: accessors may not be empty.
 pub(super) fn splats_glb(gaussians: &HostGaussians) -> Vec<u8> {
     let all: Vec<Splat> = splats(gaussians).collect();
     let mut buffer = Buffer::default();

@@ -6,12 +6,12 @@ use super::ply;
 use crate::pipeline::query::LabelledPoint;
 use png::{BitDepth, ColorType, Encoder};
 
-/// Turns of the colour wheel between two labels: the golden angle never comes near where it was.
+/// Turns of the color wheel between two labels: the golden angle never comes near where it was.
 const TURN: f32 = 0.618_034;
 /// A point of no label.
 const NONE: [u8; 3] = [128, 128, 128];
 
-/// The colour of a label from 1; 0 is black, as nobody sees it.
+/// The color of a label from 1; 0 is black, as nobody sees it.
 pub fn label_color(label: usize) -> [u8; 3] {
     if label == 0 {
         return [0; 3];
@@ -65,7 +65,7 @@ mod tests {
     use nalgebra::Point3;
 
     #[test]
-    fn a_pictures_values_are_its_labels_and_its_colours_differ() {
+    fn a_pictures_values_are_its_labels_and_its_colors_differ() {
         let file = labels_png(3, 2, &[0, 1, 2, 3, 1, 0]);
         let shown = image::load_from_memory(&file).unwrap().into_rgba8();
         assert_eq!(shown.get_pixel(0, 0)[3], 0, "none is transparent");
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn points_have_colour_label_and_score() {
+    fn points_have_color_label_and_score() {
         let point =
             |label| LabelledPoint { position: Point3::new(1.0, 2.0, 3.0), label, score: 0.5 };
         let file = labelled_points_ply(&[point(0), point(4)]);

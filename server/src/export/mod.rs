@@ -36,7 +36,7 @@ pub enum Format {
     SplatsGlb,
     /// Language codes and shapes, beside `splats.ply`.
     LanguageNpz,
-    /// Gaussians' centres with their colours.
+    /// Gaussians' centres with their colors.
     PointsPly,
     /// A triangle mesh.
     MeshPly,

@@ -1,9 +1,9 @@
-//! PNG files: colour, depth in millimetres, and heat maps in colour.
+//! PNG files: color, depth in millimetres, and heat maps in color.
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
 
-/// Points of the heat maps' colours from 0 to 1: dark blue, blue, green, yellow, red. Lightness rises
+/// Points of the heat maps' colors from 0 to 1: dark blue, blue, green, yellow, red. Lightness rises
 /// up to yellow, so that it reads in grey, too.
 const HEAT: [[f32; 3]; 6] = [
     [24.0, 15.0, 61.0],
@@ -28,7 +28,7 @@ pub fn depth_png(width: u32, height: u32, metres: &[f32]) -> Vec<u8> {
     png(width, height, &samples, ExtendedColorType::L16)
 }
 
-/// `[height * width]` relevancies in 0..1 as colours.
+/// `[height * width]` relevancies in 0..1 as colors.
 pub fn heatmap_png(width: u32, height: u32, values: &[f32]) -> Vec<u8> {
     let rgb: Vec<u8> = values.iter().flat_map(|value| heat(*value)).collect();
     rgb_png(width, height, &rgb)
@@ -36,7 +36,7 @@ pub fn heatmap_png(width: u32, height: u32, values: &[f32]) -> Vec<u8> {
 
 fn heat(value: f32) -> [u8; 3] {
     let place = value.clamp(0.0, 1.0) * (HEAT.len() - 1) as f32;
-    // A NaN becomes the first colour.
+    // A NaN becomes the first color.
     let below = (place as usize).min(HEAT.len() - 2);
     let share = place - below as f32;
     std::array::from_fn(|channel| {

@@ -34,7 +34,7 @@ pub(super) fn put(out: &mut Vec<u8>, values: &[f32]) {
     out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
 }
 
-/// The colour heads as splats: logarithmic scales, opacity logits, unit quaternions (w, x, y, z) and
+/// The color heads as splats: logarithmic scales, opacity logits, unit quaternions (w, x, y, z) and
 /// `f_dc = (rgb - 0.5) / 0.28209`.
 pub fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
     let all = splats(gaussians);
@@ -50,7 +50,7 @@ pub fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
     out
 }
 
-/// The Gaussians' centres with 8-bit colours.
+/// The Gaussians' centres with 8-bit colors.
 pub fn points_ply(gaussians: &HostGaussians) -> Vec<u8> {
     let all = splats(gaussians);
     let properties: [(&str, &[&str]); 2] =
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn points_have_clamped_colours() {
+    fn points_have_clamped_colors() {
         let file = points_ply(&two());
         let (header, data) = body(&file);
         assert!(header.contains("property uchar blue"), "{header}");

@@ -1,9 +1,9 @@
-//! One Gaussian's colour head as the splat formats store it. In: a snapshot's Gaussians. Out: values
+//! One Gaussian's color head as the splat formats store it. In: a snapshot's Gaussians. Out: values
 //! that PLY, SPZ and glTF share; each format packs them its own way.
 
 use lexsplat_gpu::HostGaussians;
 
-/// The zeroth spherical harmonic: colour = 0.5 + this times the coefficient.
+/// The zeroth spherical harmonic: color = 0.5 + this times the coefficient.
 pub(super) const SH_0: f32 = 0.282_094_79;
 
 /// A Gaussian as it looks.
@@ -35,7 +35,7 @@ impl Splat {
 
 /// All Gaussians, in the map's order.
 pub(super) fn splats(gaussians: &HostGaussians) -> impl ExactSizeIterator<Item = Splat> + Clone {
-    let head = &gaussians.colour;
+    let head = &gaussians.color;
     gaussians.means.iter().enumerate().map(move |(at, &position)| {
         let rgb = &head.features[at * head.channels..][..3];
         Splat {
@@ -64,7 +64,7 @@ pub(super) mod samples {
 
     use lexsplat_gpu::{HostGaussians, HostHead};
 
-    /// Two, with rotations that are not of unit length and colours beyond the range.
+    /// Two, with rotations that are not of unit length and colors beyond the range.
     pub(in crate::export) fn two() -> HostGaussians {
         let head = |channels| HostHead {
             rotations: vec![[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 4.0]],
@@ -73,9 +73,9 @@ pub(super) mod samples {
             features: vec![0.5; 2 * channels],
             channels,
         };
-        let mut colour = head(3);
-        colour.features = vec![1.0, 0.5, 0.0, 0.2, 0.4, 1.7];
-        HostGaussians { means: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], colour, language: head(15) }
+        let mut color = head(3);
+        color.features = vec![1.0, 0.5, 0.0, 0.2, 0.4, 1.7];
+        HostGaussians { means: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], color, language: head(15) }
     }
 }
 
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rotations_are_made_unit_and_colours_become_harmonics() {
+    fn rotations_are_made_unit_and_colors_become_harmonics() {
         let all: Vec<Splat> = splats(&samples::two()).collect();
         assert_eq!(all[1].rotation, [0.0, 0.6, 0.0, 0.8]);
         let [red, green, blue] = all[0].harmonics();

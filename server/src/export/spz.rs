@@ -1,7 +1,7 @@
 //! SPZ, version 3 (Niantic's compressed splats; the format's page is github.com/nianticlabs/spz): a
 //! gzipped header of 16 bytes, then one array per attribute, about a tenth of the PLY.
 //!
-//! Positions are 24-bit fixed point, opacities and colours bytes, scales bytes of the logarithm,
+//! Positions are 24-bit fixed point, opacities and colors bytes, scales bytes of the logarithm,
 //! rotations the three smallest parts of the quaternion in 32 bits. The format's axes are right, up,
 //! back; the map's world is taken as right, down, forward, as PLY readers take it, so that a map
 //! stands the same way in either file. Lossy: half a millimetre, 3 % of a scale, 0.1 degrees.
@@ -19,12 +19,12 @@ const VERSION: u32 = 3;
 const FRACTIONAL_BITS: u8 = 12;
 /// The greatest 24-bit number.
 const MOST_FIXED: f32 = 8_388_607.0;
-/// Colours are bytes of 0.5 + this times the harmonic's coefficient.
+/// Colors are bytes of 0.5 + this times the harmonic's coefficient.
 const COLOR_SCALE: f32 = 0.15;
 /// The greatest magnitude of a quaternion's part, 9 bits, for `sqrt(1/2)`.
 const MOST_PART: f32 = 511.0;
 
-/// The colour heads, compressed.
+/// The color heads, compressed.
 pub(super) fn splats_spz(gaussians: &HostGaussians) -> Vec<u8> {
     let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
     gzip.write_all(&unzipped(gaussians)).expect("memory takes all bytes");
@@ -34,7 +34,7 @@ pub(super) fn splats_spz(gaussians: &HostGaussians) -> Vec<u8> {
 fn unzipped(gaussians: &HostGaussians) -> Vec<u8> {
     let all = splats(gaussians);
     let count = u32::try_from(all.len()).expect("a map has fewer than 2^32 Gaussians");
-    // Bytes of a Gaussian: position, opacity, colour, scale, rotation.
+    // Bytes of a Gaussian: position, opacity, color, scale, rotation.
     let mut out = Vec::with_capacity(16 + all.len() * (9 + 1 + 3 + 3 + 4));
     for word in [MAGIC, VERSION, count] {
         out.extend(word.to_le_bytes());

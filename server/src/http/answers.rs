@@ -95,7 +95,7 @@ impl Answers {
     }
 }
 
-/// The relevancy of every pixel of an answer: PNG in colour, or float32 `[height, width]`.
+/// The relevancy of every pixel of an answer: PNG in color, or float32 `[height, width]`.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/queries/{query_id}/heatmap", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),

@@ -18,12 +18,12 @@ use utoipa::ToSchema;
 #[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum WireChannel {
-    /// Colour.
+    /// Color.
     #[default]
     Color,
     /// Depth: 16-bit millimetres, or float32 metres as an array.
     Depth,
-    /// Language codes as colours.
+    /// Language codes as colors.
     Language,
     /// Opacity.
     Opacity,

@@ -40,7 +40,7 @@ struct LegendEntry {
     /// The value of its pixels.
     label: usize,
     text: String,
-    /// Its colour in the PNG and the PLY.
+    /// Its color in the PNG and the PLY.
     #[schema(example = "#e6194b")]
     color: String,
     /// The share of all pixels, or Gaussians, that have it.

@@ -3,7 +3,7 @@
 //!
 //! Left open, it is black, and what surrounds it grows into it until the map is full of haze. It gets
 //! Gaussians behind everything that was measured: whatever is measured later stands in front of them.
-//! They have colour and no language: a place that nobody knows is no answer to "where". So they are
+//! They have color and no language: a place that nobody knows is no answer to "where". So they are
 //! known by the opacity of their language heads, which no optimiser step changes, because no pixel sees
 //! them.
 
@@ -41,7 +41,7 @@ pub(super) fn without(map: &HostGaussians) -> HostGaussians {
     };
     HostGaussians {
         means: kept.iter().map(|&at| map.means[at]).collect(),
-        colour: head(&map.colour),
+        color: head(&map.color),
         language: head(&map.language),
     }
 }

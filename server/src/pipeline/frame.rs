@@ -38,7 +38,7 @@ impl Intrinsics {
     }
 }
 
-/// One checked RGB-D frame: colour and depth are registered and of the size of `intrinsics`.
+/// One checked RGB-D frame: color and depth are registered and of the size of `intrinsics`.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Strictly increasing within a map.

@@ -34,7 +34,7 @@ pub struct TrackedFrame {
     pub timestamp_nanos: u64,
     /// Where the camera was.
     pub world_from_camera: Isometry3<f64>,
-    /// (a, b): the frame shows exp(a) of the map's colour + b.
+    /// (a, b): the frame shows exp(a) of the map's color + b.
     pub exposure: [f32; 2],
 }
 

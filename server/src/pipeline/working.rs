@@ -1,7 +1,7 @@
 //! A frame at the size that it is tracked and mapped at.
 //!
 //! In: a checked [`Frame`] and a number of columns. Out: [`Working`], smaller by a whole-numbered
-//! factor: colour is the mean of each block, depth the mean of the block's nearest surface.
+//! factor: color is the mean of each block, depth the mean of the block's nearest surface.
 
 use super::frame::Frame;
 use lexsplat_gpu::Camera;
@@ -93,7 +93,7 @@ impl Working {
         (z - measured).abs() <= SAME_POINT * measured
     }
 
-    /// Memory of colours and depths.
+    /// Memory of colors and depths.
     pub fn bytes(&self) -> u64 {
         (self.rgb.len() + size_of_val(&self.depth_metres[..])) as u64
     }
@@ -124,7 +124,7 @@ mod tests {
     use super::super::frame::Intrinsics;
     use super::*;
 
-    /// A frame whose columns differ in colour, with one hole and one near pixel.
+    /// A frame whose columns differ in color, with one hole and one near pixel.
     fn frame(width: u32, height: u32) -> Frame {
         let pixels = (width * height) as usize;
         let mut depth_metres = vec![3.0; pixels];
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn shrinking_averages_colour_and_keeps_the_nearest_surface() {
+    fn shrinking_averages_color_and_keeps_the_nearest_surface() {
         let working = Working::of(&frame(8, 4), &Isometry3::identity(), 4);
         assert_eq!((working.camera.width, working.camera.height), (4, 2));
         assert_eq!(working.rgb[..3], [1, 100, 200], "columns 0 and 1: 0.5, rounded up");

@@ -142,9 +142,9 @@ pub(crate) fn teddy(b: &mut Builder, d: &mut Dice) {
 
 /// A rug `w` × `depth`, 1 cm thick.
 pub(crate) fn rug(b: &mut Builder, d: &mut Dice, w: f32, depth: f32) {
-    let colours = [d.fabric_colour(), d.bright() * 0.8, rgb(0xe8dcc0)];
-    let print = matt(Texture::Printed(Print::Rug { colours, seed: d.variant() }));
-    b.slab(v(0.0, 0.0, 0.005), v(w, depth, 0.01), 0.0, matt(Texture::Plain(colours[1])));
+    let colors = [d.fabric_color(), d.bright() * 0.8, rgb(0xe8dcc0)];
+    let print = matt(Texture::Printed(Print::Rug { colors, seed: d.variant() }));
+    b.slab(v(0.0, 0.0, 0.005), v(w, depth, 0.01), 0.0, matt(Texture::Plain(colors[1])));
     b.plane([v(-w / 2.0, -depth / 2.0, 0.0105), v(w, 0.0, 0.0), v(0.0, depth, 0.0)], 0.05, print);
     for side in [-1.0_f32, 1.0] {
         let fringe = matt(Texture::Stripes { a: rgb(0xe8dcc0), b: rgb(0x9a8a6c), period: 0.02 });

@@ -40,7 +40,7 @@ pub(crate) fn chair(b: &mut Builder, style: u64) {
 /// A round stool, 0.36 m wide.
 pub(crate) fn stool(b: &mut Builder, d: &mut Dice) {
     let wood = d.wood();
-    let seat = Texture::Weave { a: d.bright(), b: d.fabric_colour() };
+    let seat = Texture::Weave { a: d.bright(), b: d.fabric_color() };
     let profile =
         [(0.0, 0.4), (0.17, 0.4), (0.185, 0.42), (0.18, 0.46), (0.14, 0.475), (0.0, 0.478)];
     b.lathe(V3::ZERO, &profile, matt(seat));
@@ -105,9 +105,9 @@ pub(crate) fn bed(b: &mut Builder, d: &mut Dice, w: f32) {
     let wood = d.wood();
     let length = 1.95;
     let blanket = match d.count(0, 2) {
-        0 => Texture::Plaid { ground: d.fabric_colour(), band: rgb(0xf0ebe0) },
+        0 => Texture::Plaid { ground: d.fabric_color(), band: rgb(0xf0ebe0) },
         1 => Texture::Stripes { a: d.bright(), b: rgb(0xf0ebe0), period: 0.24 },
-        _ => Texture::Weave { a: d.fabric_colour(), b: d.fabric_colour() },
+        _ => Texture::Weave { a: d.fabric_color(), b: d.fabric_color() },
     };
     b.slab(v(0.0, -length / 2.0, 0.5), v(w + 0.06, 0.05, 0.9), 0.02, shiny(wood.along(0), 0.2));
     b.slab(v(0.0, length / 2.0, 0.24), v(w + 0.06, 0.05, 0.42), 0.02, shiny(wood.along(0), 0.2));

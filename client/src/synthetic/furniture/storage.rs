@@ -36,7 +36,7 @@ fn book_row(b: &mut Builder, d: &mut Dice, w: f32, room: f32) {
         let (thick, tall) = (d.between(0.022, 0.055), room * d.between(0.72, 0.97));
         let deep = d.between(0.15, 0.19);
         if d.chance(0.6) {
-            series = if d.chance(0.7) { d.bright() } else { d.fabric_colour() };
+            series = if d.chance(0.7) { d.bright() } else { d.fabric_color() };
         }
         let cover = matt(Texture::Plaster(series * 0.9));
         b.slab(v(x + thick / 2.0, 0.0, tall / 2.0), v(thick - 0.002, deep, tall), 0.0, cover);
@@ -78,7 +78,7 @@ fn fronts(
 /// A cabinet `w` × `depth` × `h` with doors below and a drawer row above.
 pub(crate) fn cabinet(b: &mut Builder, d: &mut Dice, [w, depth, h]: [f32; 3]) {
     let wood = d.wood();
-    let painted = d.chance(0.4).then(|| Texture::Plaster(d.fabric_colour()));
+    let painted = d.chance(0.4).then(|| Texture::Plaster(d.fabric_color()));
     let face = |axis| shiny(painted.unwrap_or(wood.along(axis)), 0.2);
     let knob = shiny(Texture::Metal(rgb(d.pick(&[0xc8a860, 0xb0b4b8, 0x2a2a2c]))), 0.6);
     b.slab(v(0.0, 0.0, h / 2.0 + 0.03), v(w, depth, h - 0.06), 0.008, face(0));

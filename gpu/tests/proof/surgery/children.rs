@@ -14,7 +14,7 @@ fn crowd(count: usize) -> HostGaussians {
     let mut host = support::scene(9, count, CHANNELS, 0.05);
     host.means = vec![[0.2, -0.1, 2.5]; count];
     for (head, scales) in
-        [(&mut host.colour, [0.3f32, 0.1, 0.02]), (&mut host.language, [0.05, 0.2, 0.3])]
+        [(&mut host.color, [0.3f32, 0.1, 0.02]), (&mut host.language, [0.05, 0.2, 0.3])]
     {
         head.rotations = vec![[0.9, 0.3, -0.4, 1.1]; count];
         head.log_scales = vec![scales.map(f32::ln); count];
@@ -42,7 +42,7 @@ fn split_all(gpu: &Gpu, host: &HostGaussians, seed: u32) -> HostGaussians {
 }
 
 #[test]
-fn children_are_the_oracles_and_drawn_from_the_colour_heads_covariance() {
+fn children_are_the_oracles_and_drawn_from_the_color_heads_covariance() {
     let gpu = support::gpu();
     let (count, seed) = (20_000, 11);
     let host = crowd(count);
@@ -52,11 +52,11 @@ fn children_are_the_oracles_and_drawn_from_the_colour_heads_covariance() {
     let (mut mean, mut square) = (Vector3::zeros(), Matrix3::zeros());
     for (slot, child) in found.means.iter().enumerate() {
         let z = oracle::normal(seed, slot as u32 / 2, slot as u32 % 2);
-        let (rotation, scale) = (host.colour.rotations[0], host.colour.log_scales[0]);
+        let (rotation, scale) = (host.color.rotations[0], host.color.log_scales[0]);
         let wanted = oracle::offset(rotation, scale, z);
         let offset = Vector3::from_fn(|i, _| f64::from(child[i]) - f64::from(host.means[0][i]));
         worst[0] = worst[0].max((offset - Vector3::from(wanted)).amax());
-        for (head, before) in [(&found.colour, &host.colour), (&found.language, &host.language)] {
+        for (head, before) in [(&found.color, &host.color), (&found.language, &host.language)] {
             for axis in 0..3 {
                 let wanted = before.log_scales[0][axis] - SPLIT_SHRINK;
                 let off = f64::from(head.log_scales[slot][axis] - wanted).abs();
@@ -69,14 +69,14 @@ fn children_are_the_oracles_and_drawn_from_the_colour_heads_covariance() {
     println!("children: worst {worst:?}");
     assert!(worst[0] < 6e-6, "measured 3.0e-6 m, of up to 1.3 m, on llvmpipe: {}", worst[0]);
     assert!(worst[1] < 1e-6, "measured 0: {}", worst[1]);
-    let [w, i, j, k] = host.colour.rotations[0].map(f64::from);
+    let [w, i, j, k] = host.color.rotations[0].map(f64::from);
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
     let rotation = rotation.to_rotation_matrix().into_inner();
     let variance = |scales: [f32; 3]| {
         let variance = Vector3::from(scales.map(|s| f64::from(s).exp().powi(2)));
         rotation * Matrix3::from_diagonal(&variance) * rotation.transpose()
     };
-    let wanted = variance(host.colour.log_scales[0]);
+    let wanted = variance(host.color.log_scales[0]);
     // Standard errors: 0.3 / sqrt(40 000) and 0.09 sqrt(2 / 40 000).
     assert!(mean.amax() < 4.0 * 0.0015, "{mean}");
     assert!((square - wanted).amax() < 4.0 * 0.00064, "{square} instead of {wanted}");
@@ -95,7 +95,7 @@ fn the_same_map_gives_the_same_children_and_another_seed_others() {
     let other = densified(&gpu, &host, &statistics, &other).0;
     assert_eq!(other.0, first.0);
     assert_ne!(other.1.means, first.1.means);
-    assert_eq!(other.1.colour, first.1.colour);
+    assert_eq!(other.1.color, first.1.color);
 }
 
 fn mean_difference(a: &[f32], b: &[f32]) -> f32 {
@@ -108,11 +108,11 @@ fn a_split_changes_the_picture_little() {
     let camera = support::camera(96, 72);
     let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
     let mut picture = |host: &HostGaussians| {
-        renderer.render_colour(&map(&gpu, host), &camera).expect("renders").rgb
+        renderer.render_color(&map(&gpu, host), &camera).expect("renders").rgb
     };
     let mut host = support::scene(12, 4000, CHANNELS, 0.03);
-    let colour = |mean: &[f32; 3]| mean.map(|v| 0.5 + 0.5 * (2.0 * v).sin());
-    host.colour.features = host.means.iter().flat_map(colour).collect();
+    let color = |mean: &[f32; 3]| mean.map(|v| 0.5 + 0.5 * (2.0 * v).sin());
+    host.color.features = host.means.iter().flat_map(color).collect();
     let before = picture(&host);
     let children = split_all(&gpu, &host, 3);
     let firsts: Vec<u32> = (0..host.len() as u32).map(|i| 2 * i).collect();

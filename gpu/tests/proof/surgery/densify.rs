@@ -33,7 +33,7 @@ fn undo_children(found: &HostGaussians, source: &[u32]) -> HostGaussians {
     let mut found = found.clone();
     for (slot, _) in source.iter().enumerate().filter(|(_, entry)| **entry & CHILD != 0) {
         found.means[slot] = [0.0; 3];
-        for head in [&mut found.colour, &mut found.language] {
+        for head in [&mut found.color, &mut found.language] {
             head.log_scales[slot] = [0.0; 3];
         }
     }
@@ -152,18 +152,18 @@ fn what_is_not_a_number_goes_and_harms_nobody() {
     let mut host = support::scene(8, 200, CHANNELS, 0.05);
     let mut statistics = seen(8, 200);
     for (i, bad) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {
-        host.colour.log_scales[10 + i][1] = bad;
+        host.color.log_scales[10 + i][1] = bad;
         host.language.log_scales[20 + i][2] = bad;
-        host.colour.opacity_logits[30 + i] = bad;
+        host.color.opacity_logits[30 + i] = bad;
         host.language.opacity_logits[30 + i] = bad;
         statistics[40 + i].gradient_sum = bad;
         statistics[50 + i].largest_radius = bad;
-        host.colour.rotations[60 + i] = [bad; 4];
-        host.colour.log_scales[60 + i] = [-2.4; 3];
+        host.color.rotations[60 + i] = [bad; 4];
+        host.color.log_scales[60 + i] = [-2.4; 3];
         statistics[60 + i] = Statistics { gradient_sum: 1.0, views: 1.0, ..Statistics::default() };
         host.means[70 + i][i] = bad;
     }
-    host.colour.rotations[64] = [0.0; 4];
+    host.color.rotations[64] = [0.0; 4];
     let rules = DensifyRules { max_scale: None, ..RULES };
     let (found, wanted) = densified(&gpu, &host, &statistics, &rules);
     assert_eq!(found.0, wanted.0);

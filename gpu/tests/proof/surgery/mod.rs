@@ -44,7 +44,7 @@ fn pick(host: &HostGaussians, index: &[u32]) -> HostGaussians {
     };
     HostGaussians {
         means: index.iter().map(|i| host.means[*i as usize]).collect(),
-        colour: head(&host.colour),
+        color: head(&host.color),
         language: head(&host.language),
     }
 }

@@ -26,7 +26,7 @@ fn morton_order_is_the_oracles() {
         let (found_bits, wanted_bits): (Vec<u32>, Vec<u32>) =
             (bits(&found.means), bits(&wanted.means));
         assert_eq!(found_bits, wanted_bits, "{len} gaussians");
-        assert!((&found.colour, &found.language) == (&wanted.colour, &wanted.language));
+        assert!((&found.color, &found.language) == (&wanted.color, &wanted.language));
         if len > 63 {
             let last: Vec<u32> = order[len - 3..].to_vec();
             assert_eq!(last, [0, 7, 14], "what has no place is last, in order");
@@ -54,7 +54,7 @@ fn one_place_or_none_keeps_the_order() {
         let mut map = map(&gpu, &host);
         map.reorder_morton().expect("fits");
         let found = map.to_host().expect("reads");
-        assert!((found.colour, found.language) == (host.colour, host.language));
+        assert!((found.color, found.language) == (host.color, host.language));
     }
 }
 
@@ -70,9 +70,9 @@ fn morton_order_brings_neighbours_together_and_leaves_the_picture() {
         let apart = |pair: &[[f32; 3]]| (Vector3::from(pair[0]) - Vector3::from(pair[1])).norm();
         means.windows(2).map(apart).sum::<f32>() / (means.len() - 1) as f32
     };
-    let before = renderer.render_colour(&map, &camera).expect("renders");
+    let before = renderer.render_color(&map, &camera).expect("renders");
     map.reorder_morton().expect("fits");
-    let after = renderer.render_colour(&map, &camera).expect("renders");
+    let after = renderer.render_color(&map, &camera).expect("renders");
     // No two depths are the same here, so lists are in the same order and sums have the same bits.
     assert!(before == after, "the picture is the same");
     let (far, near) = (step(&host.means), step(&map.read_means().expect("reads")));

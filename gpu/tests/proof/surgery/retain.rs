@@ -6,7 +6,7 @@ use crate::support;
 
 use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::{
-    Camera, ColourTarget, DensifyCounts, DensifyRules, Gaussians, Gpu, GpuError, HostGaussians,
+    Camera, ColorTarget, DensifyCounts, DensifyRules, Gaussians, Gpu, GpuError, HostGaussians,
     LanguageTarget, LearningRates, LossWeights, Renderer, Statistics, TrainingView,
 };
 use rand::{Rng, SeedableRng};
@@ -42,22 +42,22 @@ fn retain_by_either_kind_of_flags_is_a_filter() {
     assert!(map.set_statistics(&[]).is_err());
 }
 
-fn targets(gpu: &Gpu, host: &HostGaussians) -> (Camera, ColourTarget, LanguageTarget) {
+fn targets(gpu: &Gpu, host: &HostGaussians) -> (Camera, ColorTarget, LanguageTarget) {
     let mut renderer = Renderer::new(gpu, CHANNELS).expect("compiles");
     let (map, camera) = (map(gpu, host), support::camera(48, 40));
-    let image = renderer.render_colour(&map, &camera).expect("renders");
+    let image = renderer.render_color(&map, &camera).expect("renders");
     let rgb: Vec<u8> = image.rgb.iter().map(|v| (200.0 * v) as u8).collect();
     let codes = renderer.render_language(&map, &camera).expect("renders").codes;
-    let colour = ColourTarget::new(gpu, (48, 40), &rgb, &image.depth).expect("fits");
+    let color = ColorTarget::new(gpu, (48, 40), &rgb, &image.depth).expect("fits");
     let codes: Vec<f32> = codes.iter().map(|v| 0.8 * v).collect();
-    (camera, colour, LanguageTarget::new(gpu, 48, 40, CHANNELS, &codes).expect("fits"))
+    (camera, color, LanguageTarget::new(gpu, 48, 40, CHANNELS, &codes).expect("fits"))
 }
 
 #[test]
 fn training_goes_on_as_if_the_removed_had_never_been() {
     let gpu = support::gpu();
     let mut host = support::scene(13, 120, CHANNELS, 0.1);
-    let (camera, colour, language) = targets(&gpu, &host);
+    let (camera, color, language) = targets(&gpu, &host);
     let hidden = |i: usize| i % 4 == 1;
     for i in (0..120).filter(|i| hidden(*i)) {
         host.means[i] = camera.unproject(20.0, 20.0, -1.0 - i as f32).into();
@@ -68,7 +68,7 @@ fn training_goes_on_as_if_the_removed_had_never_been() {
     let mut train = |map: &mut Gaussians| {
         let view = TrainingView {
             camera: &camera,
-            colour: Some(&colour),
+            color: Some(&color),
             language: Some((&camera, &language)),
             exposure: [0.0; 2],
         };

@@ -1,4 +1,4 @@
-//! Colour images: JPEG, PNG or raw RGB -> `[height * width * 3]`, 8 bit.
+//! Color images: JPEG, PNG or raw RGB -> `[height * width * 3]`, 8 bit.
 //!
 //! Sizes are read from the headers and checked before anything is decoded.
 
@@ -11,7 +11,7 @@ const FIELD: &str = "color";
 /// Every JPEG ends with this marker.
 const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
-/// Decodes a colour image of exactly `width` x `height`.
+/// Decodes a color image of exactly `width` x `height`.
 pub(super) fn decode(
     format: i32,
     data: &[u8],

@@ -1,4 +1,4 @@
-//! From a keyframe's colours to language: the image encoder (paper §4.1) and the thread on which
+//! From a keyframe's colors to language: the image encoder (paper §4.1) and the thread on which
 //! it, the [`super::srd`] and the generic compressor run.
 //!
 //! In: [`Frame`]s. Out: [`LanguageMap`]s, one generic code for each cell of the bundle's grid. A frame
@@ -105,7 +105,7 @@ pub enum LanguageError {
     NoCompressor,
 }
 
-/// From colours, or from given labels, to generic codes.
+/// From colors, or from given labels, to generic codes.
 pub struct Vision {
     image: ImageSpec,
     preparation: Preparation,

@@ -12,7 +12,7 @@ pub struct MapperConfig {
     pub queue_frames: usize,
     /// When the optimiser works.
     pub clock: Clock,
-    /// Colour and depth are optimised at this many columns at most (full size in the paper).
+    /// Color and depth are optimised at this many columns at most (full size in the paper).
     pub train_width: u32,
     /// New keyframe: moved by more than this share of the median depth.
     pub keyframe_translation: f64,
@@ -30,11 +30,11 @@ pub struct MapperConfig {
     pub insert_opacity: f32,
     /// Insert where the map lies behind the measured depth by this share of it.
     pub insert_depth_error: f32,
-    /// Insert where the mean absolute colour error is above this (0..1).
+    /// Insert where the mean absolute color error is above this (0..1).
     pub insert_color_error: f32,
     /// Where so many keyframes have shown a place from as near, only what is open is filled any more.
     pub insert_keyframes: usize,
-    /// What has colour and no depth is put so many times as far as the farthest thing measured; 0: nowhere.
+    /// What has color and no depth is put so many times as far as the farthest thing measured; 0: nowhere.
     pub insert_backdrop: f32,
     /// Gaussians at most; then nothing is inserted any more, and what is there goes on being improved.
     pub max_gaussians: usize,
@@ -76,7 +76,7 @@ pub enum Clock {
     PerFrame,
 }
 
-/// Parameters that colour and language share, so that both losses move them.
+/// Parameters that color and language share, so that both losses move them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TiesConfig {
@@ -92,15 +92,15 @@ pub struct TiesConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LossConfig {
-    /// L1 of colour.
+    /// L1 of color.
     pub color: f32,
     /// L1 of depth, per metre.
     pub depth: f32,
     /// L1 of language codes.
     pub language: f32,
-    /// Distance of the colour head's scales from their mean.
+    /// Distance of the color head's scales from their mean.
     pub isotropic: f32,
-    /// |S_f - sg(S_c)|: the language head's scales stay near the colour head's.
+    /// |S_f - sg(S_c)|: the language head's scales stay near the color head's.
     pub scale_tie: f32,
 }
 
@@ -110,13 +110,13 @@ pub struct LossConfig {
 pub struct RatesConfig {
     /// Means, metres.
     pub mean: f32,
-    /// Quaternions of the colour head.
+    /// Quaternions of the color head.
     pub rotation: f32,
-    /// Log-scales of the colour head.
+    /// Log-scales of the color head.
     pub scale: f32,
-    /// Opacity logits of the colour head.
+    /// Opacity logits of the color head.
     pub opacity: f32,
-    /// Colours.
+    /// Colors.
     pub color: f32,
     /// Quaternions of the language head.
     pub language_rotation: f32,

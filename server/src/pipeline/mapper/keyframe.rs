@@ -6,7 +6,7 @@ use super::super::tracker::{Moments, Tracked};
 use super::super::working::Working;
 use super::Mapper;
 use half::f16;
-use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LanguageTarget};
+use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError, LanguageTarget};
 use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub(super) struct Keyframe {
     /// What it is optimised at: at most `train_width` columns.
     pub working: Working,
     /// The working image on the device.
-    pub target: ColourTarget,
+    pub target: ColorTarget,
     /// Whether its pose is the tracker's own, so that it may be refined.
     pub is_estimated: bool,
     /// Memory of the tracker's own picture of it.
@@ -61,7 +61,7 @@ impl Keyframe {
         let world_from_camera = tracked.world_from_camera;
         let working = Working::of(frame, &world_from_camera, train_width);
         let size = (working.camera.width, working.camera.height);
-        let target = ColourTarget::new(gpu, size, &working.rgb, &working.depth_metres)?;
+        let target = ColorTarget::new(gpu, size, &working.rgb, &working.depth_metres)?;
         Ok(Self {
             frame: TrackedFrame {
                 sequence: frame.sequence,
@@ -101,8 +101,8 @@ impl Keyframe {
         }
     }
 
-    /// The working image in the map's colours.
-    pub fn in_map_colours(&self) -> Cow<'_, Working> {
+    /// The working image in the map's colors.
+    pub fn in_map_colors(&self) -> Cow<'_, Working> {
         let [a, b] = self.frame.exposure;
         if [a, b] == [0.0; 2] {
             return Cow::Borrowed(&self.working);
@@ -117,7 +117,7 @@ impl Keyframe {
 impl Mapper {
     /// Whether the frame shows enough that no keyframe of the window shows, or was taken from far enough
     /// away; never of a frame that is held out. Every keyframe gets language, so that what is new in
-    /// colour is new in language (paper §4.3 asks for both). Asked of every keyframe with
+    /// color is new in language (paper §4.3 asks for both). Asked of every keyframe with
     /// language, however old, there were fewer keyframes, and a lost camera believed a wrong place (measured).
     pub(super) fn is_keyframe(&self, frame: &Frame, pose: &Isometry3<f64>) -> bool {
         if frame.held_out {

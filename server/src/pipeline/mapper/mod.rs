@@ -254,7 +254,7 @@ impl Mapper {
             self.moved = true;
             let is_realtime = self.config.clock == Clock::Realtime;
             let at_once = if is_realtime { self.config.steps_per_frame } else { 0 };
-            for _ in 0..at_once.min(self.steps.colour_left()) {
+            for _ in 0..at_once.min(self.steps.color_left()) {
                 self.optimise_once()?;
             }
         }

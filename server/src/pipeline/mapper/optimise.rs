@@ -15,7 +15,7 @@ impl Mapper {
     }
 
     fn step(&mut self) -> Result<(), GpuError> {
-        let Some(Step { colour, language }) = self.steps.take() else { return Ok(()) };
+        let Some(Step { color, language }) = self.steps.take() else { return Ok(()) };
         let Some(at) = self.draw(language) else { return Ok(()) };
         self.keyframes[at].steps += 1;
         if language {
@@ -25,14 +25,14 @@ impl Mapper {
         let generic = keyframe.generic.as_ref().filter(|_| language);
         let view = TrainingView {
             camera: &keyframe.working.camera,
-            colour: colour.then_some(&keyframe.target),
+            color: color.then_some(&keyframe.target),
             language: generic.map(|generic| (&generic.camera, &generic.target)),
             exposure: keyframe.frame.exposure,
         };
         let (weights, rates) = (weights(&self.config), rates(&self.config, self.steps.heat()));
         self.renderer.step(&mut self.gaussians, &view, &weights, &rates)?;
         self.changed = true;
-        if colour && self.is_refined(at) {
+        if color && self.is_refined(at) {
             self.refine(at)?;
         }
         if self.steps.is_time(self.config.prune_every) {
@@ -57,7 +57,7 @@ impl Mapper {
 fn weights(config: &MapperConfig) -> LossWeights {
     let loss = &config.loss;
     LossWeights {
-        colour: loss.color,
+        color: loss.color,
         depth: loss.depth,
         language: loss.language,
         isotropic: loss.isotropic,
@@ -69,7 +69,7 @@ fn rates(config: &MapperConfig, heat: f32) -> LearningRates {
     let rates = &config.rates;
     LearningRates {
         mean: rates.mean * heat,
-        colour: HeadRates {
+        color: HeadRates {
             rotation: rates.rotation * heat,
             log_scale: rates.scale * heat,
             opacity: rates.opacity * heat,

@@ -44,7 +44,7 @@ mod tests {
     use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, HostHead};
 
     /// Whether a Gaussian with these opacity logits, log scale and place stays.
-    fn stays([colour, language]: [f32; 2], log_scale: f32, x: f32) -> bool {
+    fn stays([color, language]: [f32; 2], log_scale: f32, x: f32) -> bool {
         let gpu = Gpu::new(None).expect("these tests need a vulkan adapter");
         let head = |opacity_logit, channels| HostHead {
             rotations: vec![[1.0, 0.0, 0.0, 0.0]],
@@ -55,7 +55,7 @@ mod tests {
         };
         let one = HostGaussians {
             means: vec![[x, 0.0, 1.0]],
-            colour: head(colour, 3),
+            color: head(color, 3),
             language: head(language, 15),
         };
         let mut map = Gaussians::new(&gpu, 15);
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn goes_only_when_both_heads_are_transparent() {
-        assert!(stays([2.0, -9.0], -4.0, 0.0), "the colour head still shows");
+        assert!(stays([2.0, -9.0], -4.0, 0.0), "the color head still shows");
         assert!(stays([-9.0, 2.0], -4.0, 0.0), "the language head still shows");
         assert!(!stays([-9.0, -9.0], -4.0, 0.0), "neither shows");
     }

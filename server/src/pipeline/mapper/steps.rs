@@ -2,7 +2,7 @@
 //!
 //! In: keyframes, and their languages, as they come. Out: the next step. A keyframe earns its steps when it
 //! comes; its language earns steps when the networks are done with it, which may be later than the last of
-//! colour's. Steps of language go along with one in `language_every` of colour, and alone when there are no more:
+//! color's. Steps of language go along with one in `language_every` of color, and alone when there are no more:
 //! slow networks cost time, not language. It must not know the map.
 
 use super::MapperConfig;
@@ -14,7 +14,7 @@ const COLD: f32 = 0.05;
 /// What one step optimises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Step {
-    pub colour: bool,
+    pub color: bool,
     pub language: bool,
 }
 
@@ -23,9 +23,9 @@ pub(super) struct Step {
 pub(super) struct Steps {
     per_keyframe: usize,
     language_every: usize,
-    colour_left: usize,
+    color_left: usize,
     language_left: usize,
-    /// Of colour, since none were left.
+    /// Of color, since none were left.
     earned: usize,
     taken: usize,
 }
@@ -35,7 +35,7 @@ impl Steps {
         Self {
             per_keyframe: config.steps_per_keyframe,
             language_every: config.language_every.max(1),
-            colour_left: 0,
+            color_left: 0,
             language_left: 0,
             earned: 0,
             taken: 0,
@@ -44,10 +44,10 @@ impl Steps {
 
     /// A keyframe has come.
     pub fn earn(&mut self) {
-        if self.colour_left == 0 {
+        if self.color_left == 0 {
             self.earned = 0;
         }
-        self.colour_left += self.per_keyframe;
+        self.color_left += self.per_keyframe;
         self.earned += self.per_keyframe;
     }
 
@@ -56,14 +56,14 @@ impl Steps {
         self.language_left += self.per_keyframe.div_ceil(self.language_every);
     }
 
-    /// Steps of colour that are left.
-    pub fn colour_left(&self) -> usize {
-        self.colour_left
+    /// Steps of color that are left.
+    pub fn color_left(&self) -> usize {
+        self.color_left
     }
 
     /// Whether none is left.
     pub fn is_done(&self) -> bool {
-        self.colour_left + self.language_left == 0
+        self.color_left + self.language_left == 0
     }
 
     /// The next step, which counts as taken.
@@ -72,12 +72,12 @@ impl Steps {
             return None;
         }
         self.taken += 1;
-        let colour = self.colour_left > 0;
-        let is_time = !colour || self.taken.is_multiple_of(self.language_every);
+        let color = self.color_left > 0;
+        let is_time = !color || self.taken.is_multiple_of(self.language_every);
         let language = is_time && self.language_left > 0;
-        self.colour_left -= usize::from(colour);
+        self.color_left -= usize::from(color);
         self.language_left -= usize::from(language);
-        Some(Step { colour, language })
+        Some(Step { color, language })
     }
 
     /// Whether what is done every so many steps is due after the last one.
@@ -85,12 +85,12 @@ impl Steps {
         self.taken.is_multiple_of(every.max(1))
     }
 
-    /// What the rates of means and of the colour head are multiplied by: 1, and less over the last of the steps
+    /// What the rates of means and of the color head are multiplied by: 1, and less over the last of the steps
     /// that were earned without a rest, so that the map comes to rest as well (Adam's steps do not get
     /// smaller by themselves). With the next keyframe's steps it is 1 again.
     pub fn heat(&self) -> f32 {
         let cooling = COOLING * self.earned as f32;
-        if cooling > 0.0 { (self.colour_left as f32 / cooling).clamp(COLD, 1.0) } else { 1.0 }
+        if cooling > 0.0 { (self.color_left as f32 / cooling).clamp(COLD, 1.0) } else { 1.0 }
     }
 }
 
@@ -98,9 +98,9 @@ impl Steps {
 mod tests {
     use super::*;
 
-    const COLOUR: Step = Step { colour: true, language: false };
-    const BOTH: Step = Step { colour: true, language: true };
-    const LANGUAGE: Step = Step { colour: false, language: true };
+    const COLOR: Step = Step { color: true, language: false };
+    const BOTH: Step = Step { color: true, language: true };
+    const LANGUAGE: Step = Step { color: false, language: true };
 
     fn steps(per_keyframe: usize, language_every: usize) -> Steps {
         let config = MapperConfig {
@@ -117,11 +117,11 @@ mod tests {
         steps.earn();
         steps.earn_language();
         let taken: Vec<Step> = std::iter::from_fn(|| steps.take()).collect();
-        assert_eq!(taken, [COLOUR, COLOUR, BOTH, COLOUR, COLOUR, BOTH], "in time");
+        assert_eq!(taken, [COLOR, COLOR, BOTH, COLOR, COLOR, BOTH], "in time");
 
         steps.earn();
         let taken: Vec<Step> = std::iter::from_fn(|| steps.take()).collect();
-        assert_eq!(taken, [COLOUR; 6], "not there yet");
+        assert_eq!(taken, [COLOR; 6], "not there yet");
         assert!(steps.is_done());
         steps.earn_language();
         assert!(!steps.is_done());

@@ -61,9 +61,9 @@ pub enum BundleError {
     },
 }
 
-/// Networks from a keyframe's colours to its generic codes.
+/// Networks from a keyframe's colors to its generic codes.
 pub struct VisionNetworks {
-    /// How colours are prepared.
+    /// How colors are prepared.
     pub image: ImageSpec,
     /// What is run on them.
     pub stages: VisionStages,

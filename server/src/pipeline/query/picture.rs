@@ -1,19 +1,19 @@
-//! Pictures of a map: colour, depth, opacity, and codes as colours.
+//! Pictures of a map: color, depth, opacity, and codes as colors.
 
 use super::answer::Picture;
 use super::request::{Channel, RenderRequest, View};
 use super::scene::Scene;
 use super::{QueryError, viewpoint};
 use crate::pipeline::snapshot::MapSnapshot;
-use lexsplat_gpu::{Camera, ColourImage, HostGaussians};
+use lexsplat_gpu::{Camera, ColorImage, HostGaussians};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use std::sync::Arc;
 
 /// Opacity below which a pixel has no depth.
 const LEAST_OPACITY: f32 = 0.5;
-/// Codes that the colours of codes are fitted to.
+/// Codes that the colors of codes are fitted to.
 const SAMPLED_CODES: usize = 4096;
-/// Standard deviations along a principal direction from grey to full colour.
+/// Standard deviations along a principal direction from grey to full color.
 const DEVIATIONS: f32 = 2.0;
 
 /// Renders what was asked for.
@@ -27,16 +27,16 @@ pub(super) fn render(
     let rgb = |data: Vec<u8>| Picture::Rgb { width: camera.width, height: camera.height, data };
     Ok(match request.channel {
         Channel::Color => {
-            let image = scene.colour(snapshot, &camera)?;
+            let image = scene.color(snapshot, &camera)?;
             let [a, b] = exposure(snapshot, &request.view);
             rgb(image.rgb.iter().map(|&value| byte(a.exp() * value + b)).collect())
         }
         Channel::Opacity => {
-            let image = scene.colour(snapshot, &camera)?;
+            let image = scene.color(snapshot, &camera)?;
             rgb(image.opacity.iter().flat_map(|&value| [byte(value); 3]).collect())
         }
         Channel::Depth => {
-            let metres = depth(&scene.colour(snapshot, &camera)?, LEAST_OPACITY);
+            let metres = depth(&scene.color(snapshot, &camera)?, LEAST_OPACITY);
             Picture::Depth { width: camera.width, height: camera.height, metres }
         }
         Channel::Language => rgb(language(scene, palette, snapshot, &camera)?),
@@ -59,7 +59,7 @@ fn byte(value: f32) -> u8 {
 }
 
 /// Mean depth of what a pixel shows, metres; 0 where it shows less than `least_opacity`.
-pub(super) fn depth(image: &ColourImage, least_opacity: f32) -> Vec<f32> {
+pub(super) fn depth(image: &ColorImage, least_opacity: f32) -> Vec<f32> {
     let pixel = |(&depth, &opacity): (&f32, &f32)| {
         if opacity > least_opacity { depth / opacity } else { 0.0 }
     };
@@ -76,7 +76,7 @@ fn language(
     let image = scene.language(snapshot, camera)?;
     let channels = snapshot.online.code_size();
     let pixels = image.codes.chunks_exact(channels).zip(&image.opacity);
-    Ok(pixels.flat_map(|(code, &opacity)| palette.colour(code, opacity)).collect())
+    Ok(pixels.flat_map(|(code, &opacity)| palette.color(code, opacity)).collect())
 }
 
 /// Three principal directions of a map's codes.
@@ -87,7 +87,7 @@ pub(super) struct Palette {
     directions: Vec<f32>,
 }
 
-/// The palette of the snapshot that was rendered last: all its views have the same colours.
+/// The palette of the snapshot that was rendered last: all its views have the same colors.
 #[derive(Default)]
 pub(super) struct PaletteCache {
     last: Option<(Arc<HostGaussians>, Palette)>,
@@ -137,8 +137,8 @@ impl Palette {
         Self { mean: mean.iter().map(|&value| value as f32).collect(), directions }
     }
 
-    /// A blended code's colour; black where nothing is.
-    fn colour(&self, code: &[f32], opacity: f32) -> [u8; 3] {
+    /// A blended code's color; black where nothing is.
+    fn color(&self, code: &[f32], opacity: f32) -> [u8; 3] {
         if opacity <= 0.0 {
             return [0; 3];
         }
@@ -146,11 +146,11 @@ impl Palette {
             let along = code.iter().zip(&self.mean).zip(direction);
             0.5 + along.map(|((value, mean), d)| (value / opacity - mean) * d).sum::<f32>()
         });
-        let mut colour = [0; 3];
-        for (channel, share) in colour.iter_mut().zip(shares) {
+        let mut color = [0; 3];
+        for (channel, share) in color.iter_mut().zip(shares) {
             *channel = byte(share.clamp(0.0, 1.0) * opacity);
         }
-        colour
+        color
     }
 }
 
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn depth_is_the_mean_of_what_is_shown() {
-        let image = ColourImage {
+        let image = ColorImage {
             width: 3,
             height: 1,
             rgb: vec![0.0; 9],
@@ -176,22 +176,22 @@ mod tests {
     }
 
     #[test]
-    fn different_codes_have_different_colours_and_nothing_is_black() {
+    fn different_codes_have_different_colors_and_nothing_is_black() {
         let (a, b, c) = ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]);
         let codes = [a, b, c, [0.0; 4]].concat();
         let palette = Palette::fit(&codes, 4);
-        let [a, b, c] = [a, b, c].map(|code| palette.colour(&code, 1.0).map(i32::from));
+        let [a, b, c] = [a, b, c].map(|code| palette.color(&code, 1.0).map(i32::from));
         let apart = |x: [i32; 3], y: [i32; 3]| (0..3).map(|i| (x[i] - y[i]).abs()).sum::<i32>();
         assert!(apart(a, b) > 60 && apart(b, c) > 60 && apart(a, c) > 60, "{a:?} {b:?} {c:?}");
-        assert_eq!(palette.colour(&[0.0; 4], 0.0), [0; 3]);
+        assert_eq!(palette.color(&[0.0; 4], 0.0), [0; 3]);
         // A half-transparent code has the same hue, half as bright.
-        let half = palette.colour(&[0.5, 0.0, 0.0, 0.0], 0.5).map(i32::from);
+        let half = palette.color(&[0.5, 0.0, 0.0, 0.0], 0.5).map(i32::from);
         assert!((0..3).all(|i| (2 * half[i] - a[i]).abs() <= 1), "{half:?} {a:?}");
     }
 
     #[test]
     fn a_map_without_language_has_a_palette() {
         let palette = Palette::fit(&[], 15);
-        assert_eq!(palette.colour(&[0.0; 15], 0.5), [64; 3]);
+        assert_eq!(palette.color(&[0.0; 15], 0.5), [64; 3]);
     }
 }

@@ -120,13 +120,13 @@ impl Outputs {
 /// What a rendered picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
-    /// The colour head.
+    /// The color head.
     Color,
-    /// Depth in metres, from the colour head.
+    /// Depth in metres, from the color head.
     Depth,
-    /// Language codes, three principal directions as colours.
+    /// Language codes, three principal directions as colors.
     Language,
-    /// Opacity of the colour head.
+    /// Opacity of the color head.
     Opacity,
 }
 

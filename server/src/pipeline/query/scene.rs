@@ -2,7 +2,7 @@
 
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{
-    Camera, ColourImage, Gaussians, Gpu, GpuError, HostGaussians, LanguageImage, Renderer,
+    Camera, ColorImage, Gaussians, Gpu, GpuError, HostGaussians, LanguageImage, Renderer,
 };
 use std::sync::Arc;
 
@@ -24,14 +24,14 @@ impl Scene {
         Self { gpu, loaded: None }
     }
 
-    /// Colour, depth and opacity of a view.
-    pub(super) fn colour(
+    /// Color, depth and opacity of a view.
+    pub(super) fn color(
         &mut self,
         snapshot: &MapSnapshot,
         camera: &Camera,
-    ) -> Result<ColourImage, GpuError> {
+    ) -> Result<ColorImage, GpuError> {
         let loaded = self.load(snapshot)?;
-        loaded.renderer.render_colour(&loaded.device, camera)
+        loaded.renderer.render_color(&loaded.device, camera)
     }
 
     /// Codes and opacity of a view.

@@ -50,11 +50,11 @@ fn code(text: &mut TextNetworks, word: &str) -> Vec<f32> {
 }
 
 /// A square of Gaussians, facing the camera, in the plane z = 2 m.
-fn add_square(map: &mut HostGaussians, left: f32, colour: [f32; 3], code: &[f32]) {
+fn add_square(map: &mut HostGaussians, left: f32, color: [f32; 3], code: &[f32]) {
     for at in 0..SIDE * SIDE {
         let offset = |i: usize| (i as f32 - (SIDE - 1) as f32 / 2.0) * STEP;
         map.means.push([left + offset(at % SIDE), offset(at / SIDE), 2.0]);
-        for (head, feature) in [(&mut map.colour, &colour[..]), (&mut map.language, code)] {
+        for (head, feature) in [(&mut map.color, &color[..]), (&mut map.language, code)] {
             head.rotations.push([1.0, 0.0, 0.0, 0.0]);
             head.log_scales.push([0.6_f32 * STEP; 3].map(f32::ln));
             head.opacity_logits.push(3.0);
@@ -204,7 +204,7 @@ fn a_map_too_large_to_keep_decoded_gives_the_same_answer() {
 fn an_empty_map_answers_that_it_has_seen_nothing() {
     let room = room(&QueryConfig::default());
     let mut map = HostGaussians::default();
-    (map.colour.channels, map.language.channels) = (3, 15);
+    (map.color.channels, map.language.channels) = (3, 15);
     let empty = Arc::new(snapshot(map, online(&CompressorConfig::default())));
     for view in [None, Some(View::Frame(7))] {
         let answer = wait(room.thread.ask(empty.clone(), query("couch", view))).expect("an answer");
@@ -317,7 +317,7 @@ fn a_doubtful_thing_is_not_told_beside_a_sure_one() {
 }
 
 #[test]
-fn a_mesh_of_the_squares_has_their_colours_and_words() {
+fn a_mesh_of_the_squares_has_their_colors_and_words() {
     let room = room(&QueryConfig::default());
     let mut snapshot = (*room.snapshot).clone();
     let keyframe = super::super::snapshot::KeyframeInfo {
@@ -350,12 +350,12 @@ fn pictures_show_the_map() {
     let room = room(&QueryConfig::default());
     let (left, right, corner) = (60 * 160 + 44, 60 * 160 + 115, 0);
     let Picture::Rgb { data, width: 160, height: 120 } = room.render(Channel::Color) else {
-        panic!("colour is RGB of the view's size")
+        panic!("color is RGB of the view's size")
     };
     let pixel = |data: &[u8], at: usize| [data[3 * at], data[3 * at + 1], data[3 * at + 2]];
     assert!(pixel(&data, left)[1] < 80 && pixel(&data, right)[1] > 150);
     assert_eq!(pixel(&data, corner), [0; 3]);
-    // The same frame, had it been exposed half as long; the map's own colours from its place.
+    // The same frame, had it been exposed half as long; the map's own colors from its place.
     let mut dim = (*room.snapshot).clone();
     let frame = TrackedFrame { exposure: [0.5_f32.ln(), 0.0], ..dim.trajectory[0] };
     dim.trajectory = Arc::new(vec![frame]);

@@ -246,7 +246,7 @@ impl Front {
     ) -> Result<(), GpuError> {
         let camera_from_world = world_from_base.inverse().cast();
         let camera = Camera { camera_from_world, ..self.camera.clone() };
-        let drawn = scene.renderer.draw_colour(scene.gaussians, &camera)?;
+        let drawn = scene.renderer.draw_color(scene.gaussians, &camera)?;
         let drawn = drawn.expect("the tracker does not ask an empty map");
         let mut recorder = Recorder::new(&self.gpu)?;
         let image = (drawn.image, drawn.pixels);

@@ -91,7 +91,7 @@ pub struct PhotometricConfig {
     pub exposure: f64,
     /// It ends when a step [rho, theta] is shorter than this.
     pub converged: f64,
-    /// Weight of the L1 of colour.
+    /// Weight of the L1 of color.
     pub color: f32,
     /// Weight of the L1 of depth, per metre.
     pub depth: f32,

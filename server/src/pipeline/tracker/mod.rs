@@ -54,7 +54,7 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// The other way round: (a, b) so that the frame shows exp(a) of the map's colour + b.
+    /// The other way round: (a, b) so that the frame shows exp(a) of the map's color + b.
     pub fn seen_exposure(&self) -> [f32; 2] {
         inverse_exposure(self.exposure).map(|value| value as f32)
     }

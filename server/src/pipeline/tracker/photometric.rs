@@ -9,7 +9,7 @@ use super::adam::Moments;
 use super::align::Candidate;
 use super::{PhotometricConfig, Scene, inverse_exposure};
 use lexsplat_gpu::align::se3;
-use lexsplat_gpu::{Camera, ColourTarget, Gpu, GpuError, LossWeights, StepReport};
+use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError, LossWeights, StepReport};
 use nalgebra::{Isometry3, SVector, Vector6};
 
 /// Where the frame was taken, from (`world_from_camera`, exposure) of the frame before.
@@ -24,16 +24,16 @@ pub(super) fn track(
     config: &PhotometricConfig,
 ) -> Result<Candidate, GpuError> {
     let size = (working.camera.width, working.camera.height);
-    let target = ColourTarget::new(gpu, size, &working.rgb, &working.depth_metres)?;
+    let target = ColorTarget::new(gpu, size, &working.rgb, &working.depth_metres)?;
     let weights = LossWeights {
-        colour: config.color,
+        color: config.color,
         depth: config.depth,
         language: 0.0,
         isotropic: 0.0,
         tie: 0.0,
     };
     let mut camera_from_world = start.inverse();
-    // The other way round: the frame shows exp(a) of the map's colour + b.
+    // The other way round: the frame shows exp(a) of the map's color + b.
     let mut exposure = inverse_exposure(exposure);
     let mut moments = Moments::default();
     for _ in 0..config.iterations {

@@ -227,7 +227,7 @@ async fn a_map_that_is_gone_on_with_is_found_again() {
 }
 
 /// A robot that knows its pose well is believed where the camera sees nothing but a wall of one
-/// colour, along which it could slide.
+/// color, along which it could slide.
 #[tokio::test(flavor = "multi_thread")]
 async fn what_the_robot_thinks_is_weighed() {
     let pixels = (CAMERA.width * CAMERA.height) as usize;

@@ -1,8 +1,8 @@
 //! The shape a Gaussian is born with: a disk on the measured surface that fills its square of pixels.
 //!
 //! In: squares of a picture with depth. Out: Gaussians at the measured depth, flat along the surface's
-//! normal, as long as its slant makes them, in the square's mean colour. Their language heads start as
-//! their colour heads and smaller, with codes of zeros ("no language yet"). The paper's are balls at random
+//! normal, as long as its slant makes them, in the square's mean color. Their language heads start as
+//! their color heads and smaller, with codes of zeros ("no language yet"). The paper's are balls at random
 //! pixels; disks need no optimisation to lie on a wall.
 
 use super::super::super::backdrop::NOWHERE;
@@ -33,20 +33,20 @@ pub(super) fn newborns(
     code_size: usize,
 ) -> HostGaussians {
     let head = |channels| HostHead { channels, ..HostHead::default() };
-    let mut born = HostGaussians { means: Vec::new(), colour: head(3), language: head(code_size) };
+    let mut born = HostGaussians { means: Vec::new(), color: head(3), language: head(code_size) };
     for cell in cells {
         let Some(pixel) = middle(working, *cell) else { continue };
         let (mean, rotation, log_scale) = disk(working, pixel, cell.side as f32);
         born.means.push(mean.into());
         let smaller = (LANGUAGE_SCALE / SCALE).ln();
-        for (head, shift) in [(&mut born.colour, 0.0), (&mut born.language, smaller)] {
+        for (head, shift) in [(&mut born.color, 0.0), (&mut born.language, smaller)] {
             head.rotations.push(rotation);
             head.log_scales.push(log_scale.map(|axis| axis + shift));
         }
         let is_backdrop = working.depth_metres[pixel] >= beyond;
-        born.colour.opacity_logits.push(OPACITY_LOGIT);
+        born.color.opacity_logits.push(OPACITY_LOGIT);
         born.language.opacity_logits.push(if is_backdrop { NOWHERE } else { OPACITY_LOGIT });
-        born.colour.features.extend(mean_colour(working, *cell, working.depth_metres[pixel]));
+        born.color.features.extend(mean_color(working, *cell, working.depth_metres[pixel]));
     }
     born.language.features = vec![0.0; born.means.len() * code_size];
     born
@@ -67,7 +67,7 @@ fn middle(working: &Working, cell: Cell) -> Option<usize> {
 }
 
 /// The mean of the square's pixels that are of the surface at this depth, 0 to 1.
-fn mean_colour(working: &Working, cell: Cell, depth: f32) -> [f32; 3] {
+fn mean_color(working: &Working, cell: Cell, depth: f32) -> [f32; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     let on_surface = |at: &usize| (working.depth_metres[*at] - depth).abs() <= ONE_SURFACE * depth;
@@ -141,9 +141,9 @@ mod tests {
     fn newborns_lie_on_the_surface_and_have_no_language() {
         let born = newborns(&working(6), &[CELL], f32::INFINITY, 15);
         assert!((born.means[0][2] - 2.0).abs() < 1e-6, "at the measured depth");
-        assert!((born.colour.features[0] - 128.0 / 255.0).abs() < 1e-6);
+        assert!((born.color.features[0] - 128.0 / 255.0).abs() < 1e-6);
         assert_eq!(born.language.features, vec![0.0; 15]);
-        let [long, wide, thick] = born.colour.log_scales[0].map(f32::exp);
+        let [long, wide, thick] = born.color.log_scales[0].map(f32::exp);
         assert!((long / wide - 1.0).abs() < 0.05 && thick < 0.3 * wide, "{long} {wide} {thick}");
         assert!((wide - SCALE * 2.0 * 2.0 / 6.0).abs() < 1e-5, "a share of its square: {wide}");
         let language = born.language.log_scales[0][1].exp();
@@ -157,14 +157,14 @@ mod tests {
         let depth = |u: f32| 2.0 / (1.0 - 0.25 * (u - 2.5) / 6.0);
         slanted.depth_metres = (0..36).map(|at| depth((at % 6) as f32)).collect();
         let born = newborns(&slanted, &[CELL], f32::INFINITY, 1);
-        let [w, x, y, z] = born.colour.rotations[0];
+        let [w, x, y, z] = born.color.rotations[0];
         let turn = UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
         let truth = Vector3::new(1.0, 0.0, -4.0).normalize();
         let cosine = (turn * Vector3::z()).dot(&truth).abs();
         assert!(cosine > 0.999, "{cosine}");
         let away = (turn * Vector3::x()).dot(&truth).abs();
         assert!(away < 0.05, "its long axis lies in the surface: {away}");
-        let scales = born.colour.log_scales[0].map(f32::exp);
+        let scales = born.color.log_scales[0].map(f32::exp);
         assert!(scales[0] > 1.01 * scales[1], "longer along the slope: {scales:?}");
     }
 

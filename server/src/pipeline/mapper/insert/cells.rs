@@ -1,7 +1,7 @@
 //! Which squares of a picture get a Gaussian: large ones where it is flat, small ones where there is detail.
 //!
 //! In: a picture with depth, and which of its pixels the map does not explain. Out: squares, each of
-//! one colour and one surface as far as its size allows. Squares are halved like a quadtree's, so that
+//! one color and one surface as far as its size allows. Squares are halved like a quadtree's, so that
 //! a wall costs few Gaussians and print many. It must not know the map.
 
 use super::super::super::working::Working;
@@ -66,12 +66,12 @@ fn divide(working: &Working, wanted: &[bool], grain: Grain, cell: Cell, found: &
     }
 }
 
-/// Whether one colour and one surface fill the square.
+/// Whether one color and one surface fill the square.
 fn is_even(working: &Working, cell: Cell, grain: Grain) -> bool {
-    let mut colour = [[u8::MAX, u8::MIN]; 3];
+    let mut color = [[u8::MAX, u8::MIN]; 3];
     let mut depth = [f32::INFINITY, 0.0f32];
     for at in cell.pixels(working) {
-        for (channel, [low, high]) in colour.iter_mut().enumerate() {
+        for (channel, [low, high]) in color.iter_mut().enumerate() {
             let value = working.rgb[at * 3 + channel];
             (*low, *high) = ((*low).min(value), (*high).max(value));
         }
@@ -81,7 +81,7 @@ fn is_even(working: &Working, cell: Cell, grain: Grain) -> bool {
         }
         depth = [depth[0].min(measured), depth[1].max(measured)];
     }
-    let range = colour.iter().map(|[low, high]| high.saturating_sub(*low)).max().unwrap_or(0);
+    let range = color.iter().map(|[low, high]| high.saturating_sub(*low)).max().unwrap_or(0);
     f32::from(range) <= grain.detail * 255.0 && depth[1] - depth[0] <= grain.relief * depth[0]
 }
 

@@ -13,18 +13,18 @@ use super::keyframe::Keyframe;
 use super::{Mapper, MapperConfig};
 use birth::newborns;
 use cells::{Cell, Grain, cells};
-use lexsplat_gpu::{ColourImage, GpuError};
+use lexsplat_gpu::{ColorImage, GpuError};
 use std::borrow::Cow;
 use tried::Tried;
 
 impl Mapper {
     /// Appends what the keyframe shows and the map does not have.
     pub(super) fn insert(&mut self, keyframe: &Keyframe) -> Result<(), GpuError> {
-        let rendered = self.renderer.render_colour(&self.gaussians, &keyframe.working.camera)?;
+        let rendered = self.renderer.render_color(&self.gaussians, &keyframe.working.camera)?;
         let room = self.config.max_gaussians.saturating_sub(self.gaussians.len());
         let depths = keyframe.working.depth_metres.iter().copied();
         self.farthest_metres = depths.fold(self.farthest_metres, f32::max);
-        let mut seen = keyframe.in_map_colours();
+        let mut seen = keyframe.in_map_colors();
         let backdrop = self.backdrop_metres();
         if let Some(metres) = backdrop {
             seen = Cow::Owned(backdrop::filled(&seen, metres));
@@ -60,7 +60,7 @@ impl Mapper {
 /// Depths of `beyond` and more are a backdrop's.
 fn unexplained(
     working: &Working,
-    map: (&ColourImage, &Tried<'_>),
+    map: (&ColorImage, &Tried<'_>),
     beyond: f32,
     config: &MapperConfig,
 ) -> Vec<Cell> {
@@ -75,11 +75,11 @@ fn unexplained(
     cells(working, &wanted, grain)
 }
 
-/// Whether the map leaves this pixel open; or lies behind it or shows another colour, and has not been told
+/// Whether the map leaves this pixel open; or lies behind it or shows another color, and has not been told
 /// so often. Before a backdrop only what is open counts.
 fn needs_gaussian(
     working: &Working,
-    (rendered, tried): (&ColourImage, &Tried<'_>),
+    (rendered, tried): (&ColorImage, &Tried<'_>),
     beyond: f32,
     config: &MapperConfig,
     pixel: usize,
@@ -137,8 +137,8 @@ mod tests {
     }
 
     /// What a map that explains [`working`] perfectly would render.
-    fn explained() -> ColourImage {
-        ColourImage {
+    fn explained() -> ColorImage {
+        ColorImage {
             width: SIZE as u32,
             height: SIZE as u32,
             rgb: vec![128.0 / 255.0; SIZE * SIZE * 3],
@@ -147,7 +147,7 @@ mod tests {
         }
     }
 
-    fn count(working: &Working, rendered: &ColourImage) -> usize {
+    fn count(working: &Working, rendered: &ColorImage) -> usize {
         unexplained(working, (rendered, &UNTRIED), f32::INFINITY, &MapperConfig::default()).len()
     }
 
@@ -160,14 +160,14 @@ mod tests {
     fn squares_are_filled_where_it_does_not() {
         let wall = working(SIZE);
         let squares = (SIZE / MapperConfig::default().insert_max_pixels as usize).pow(2);
-        let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
+        let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &open), squares, "nothing there");
-        let behind = ColourImage { depth: vec![4.0; SIZE * SIZE], ..explained() };
+        let behind = ColorImage { depth: vec![4.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &behind), squares, "the map lies behind");
-        let before = ColourImage { depth: vec![1.0; SIZE * SIZE], ..explained() };
+        let before = ColorImage { depth: vec![1.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &before), 0, "a floater in front hides, it does not miss");
-        let other = ColourImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
-        assert_eq!(count(&wall, &other), squares, "another colour");
+        let other = ColorImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
+        assert_eq!(count(&wall, &other), squares, "another color");
         let often = Tried { pictures: vec![&wall; 8], enough: 8 };
         let told = |map| {
             let config = MapperConfig::default();
@@ -175,25 +175,25 @@ mod tests {
         };
         assert_eq!((told(&other), told(&behind)), (0, 0), "it was told so eight times");
         assert_eq!(told(&open), squares, "what is open is always filled");
-        let broken = ColourImage { opacity: vec![f32::NAN; SIZE * SIZE], ..explained() };
+        let broken = ColorImage { opacity: vec![f32::NAN; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &broken), squares, "a broken picture explains nothing");
     }
 
     #[test]
     fn what_is_not_measured_gets_a_backdrop_or_nothing() {
         let blind = Working { depth_metres: vec![0.0; SIZE * SIZE].into(), ..working(SIZE) };
-        let open = ColourImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
+        let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&blind, &open), 0);
         let config = MapperConfig::default();
         let before = backdrop::filled(&blind, 5.0);
         assert!(before.depth_metres.iter().all(|depth| *depth == 5.0));
         let cells = unexplained(&before, (&open, &UNTRIED), 5.0, &config);
         assert_eq!(cells.len(), count(&working(SIZE), &open), "as a wall there");
-        // Whatever the map shows there hides it, in any colour and at any depth.
-        let other = ColourImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
+        // Whatever the map shows there hides it, in any color and at any depth.
+        let other = ColorImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
         assert!(unexplained(&before, (&other, &UNTRIED), 5.0, &config).is_empty());
         // Negative control: what was measured at 5 m would be missing.
-        let farther = ColourImage { depth: vec![9.0; SIZE * SIZE], ..explained() };
+        let farther = ColorImage { depth: vec![9.0; SIZE * SIZE], ..explained() };
         assert!(!unexplained(&before, (&farther, &UNTRIED), f32::INFINITY, &config).is_empty());
         assert!(unexplained(&before, (&farther, &UNTRIED), 5.0, &config).is_empty());
 

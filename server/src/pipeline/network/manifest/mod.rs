@@ -70,7 +70,7 @@ pub struct ImageSpec {
     pub height: usize,
     /// What happens to another aspect ratio.
     pub fit: Fit,
-    /// Which colour is first.
+    /// Which color is first.
     pub channel_order: ChannelOrder,
     /// Subtracted, on the scale 0..255, in the channels' order.
     pub mean: [f32; 3],

@@ -1,7 +1,7 @@
-//! A map as a triangle mesh with colours and language (the paper's 3D protocol, §5: rendered maps of
+//! A map as a triangle mesh with colors and language (the paper's 3D protocol, §5: rendered maps of
 //! the keyframes are fused into a TSDF, marching cubes finds the surface).
 //!
-//! In: a snapshot. Out: a [`Mesh`] in the map's world, metres. Depth and colour are fused in space; codes
+//! In: a snapshot. Out: a [`Mesh`] in the map's world, metres. Depth and color are fused in space; codes
 //! are averaged at the finished vertices from the views that see them, which is the same mean where
 //! the surface is, in a fifth of the memory. Runs on a thread and a renderer of its own, so that neither
 //! the mapper nor questions wait for it.
@@ -37,7 +37,7 @@ const MOST_METRES: f32 = 12.0;
 /// Opacity of what a pixel shows below which its depth is not trusted.
 const LEAST_OPACITY: f32 = 0.8;
 
-/// Triangles with colours and language.
+/// Triangles with colors and language.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Metres, in the map's world.
@@ -181,7 +181,7 @@ impl Progress<'_> {
     }
 }
 
-/// Depth and colour of the map from a keyframe.
+/// Depth and color of the map from a keyframe.
 fn render(
     scene: &mut Scene,
     snapshot: &MapSnapshot,
@@ -192,7 +192,7 @@ fn render(
     let width = camera.width.min(COLUMNS);
     let height = (camera.height as f32 * width as f32 / camera.width as f32).round().max(1.0);
     let camera = camera.resized(width, height as u32);
-    let image = scene.colour(snapshot, &camera)?;
+    let image = scene.color(snapshot, &camera)?;
     let depth = picture::depth(&image, LEAST_OPACITY);
     let depth = without_edges(&depth, width as usize, truncation);
     let rgb = image

@@ -1,6 +1,6 @@
 //! The surface of a field by marching cubes: a vertex per cut edge, shared by its triangles.
 //!
-//! In: a [`Volume`]. Out: vertices in metres with colours and normals (towards free space), triangles
+//! In: a [`Volume`]. Out: vertices in metres with colors and normals (towards free space), triangles
 //! counter-clockwise from outside. A cube with an unknown corner has no surface: what was not seen
 //! stays open. Pieces of few triangles are floaters and left out.
 
@@ -81,7 +81,7 @@ fn with_border(volume: &Volume, corner: [i32; 3]) -> Vec<f32> {
         .collect()
 }
 
-/// Position and colour where the field is zero along an edge.
+/// Position and color where the field is zero along an edge.
 fn vertex(volume: &Volume, (low, axis): &Edge) -> (Point3<f32>, [f32; 3]) {
     let mut high = *low;
     high[*axis] += 1;
@@ -93,7 +93,7 @@ fn vertex(volume: &Volume, (low, axis): &Edge) -> (Point3<f32>, [f32; 3]) {
 }
 
 fn mixed(a: &Voxel, b: &Voxel, share: f32) -> [f32; 3] {
-    match (a.coloured > 0.0, b.coloured > 0.0) {
+    match (a.colored > 0.0, b.colored > 0.0) {
         (true, true) => std::array::from_fn(|i| a.rgb[i] + (b.rgb[i] - a.rgb[i]) * share),
         (true, false) => a.rgb,
         _ => b.rgb,

@@ -1,6 +1,6 @@
 //! A truncated signed distance field of what keyframes show (Curless and Levoy 1996; KinectFusion).
 //!
-//! In: depths in metres and colours of a view. Held: blocks of 8x8x8 voxels near surfaces only, within a
+//! In: depths in metres and colors of a view. Held: blocks of 8x8x8 voxels near surfaces only, within a
 //! bound of memory. A voxel's distance is that from its centre to the measured surface along the
 //! camera's z, divided by the truncation, averaged with weight one per view, positive in front;
 //! what is farther behind than the truncation says nothing.
@@ -27,10 +27,10 @@ pub(super) struct Voxel {
     pub distance: f32,
     /// Views that saw it; 0: unknown.
     pub weight: f32,
-    /// Mean colour of the views that saw it near a surface.
+    /// Mean color of the views that saw it near a surface.
     pub rgb: [f32; 3],
     /// How many those were.
-    pub coloured: f32,
+    pub colored: f32,
 }
 
 struct Block {
@@ -157,7 +157,7 @@ fn integrate(block: &mut Block, view: &View, voxel: f32, truncation: f32) {
     }
 }
 
-/// Averages a view's distance and colour into a voxel; `point` is in the camera.
+/// Averages a view's distance and color into a voxel; `point` is in the camera.
 fn update(voxel: &mut Voxel, view: &View, point: &Point3<f32>, truncation: f32) {
     let Some(pixel) = view.pixel(point) else { return };
     let measured = view.depth[pixel];
@@ -168,9 +168,9 @@ fn update(voxel: &mut Voxel, view: &View, point: &Point3<f32>, truncation: f32) 
     voxel.weight += 1.0;
     voxel.distance += ((distance / truncation).min(1.0) - voxel.distance) / voxel.weight;
     if distance < truncation {
-        voxel.coloured += 1.0;
+        voxel.colored += 1.0;
         for (mean, value) in voxel.rgb.iter_mut().zip(&view.rgb[pixel * 3..]) {
-            *mean += (value - *mean) / voxel.coloured;
+            *mean += (value - *mean) / voxel.colored;
         }
     }
 }
