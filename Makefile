@@ -1,11 +1,12 @@
-# The commands of lexsplat. `make demo` and `make test` set up what they need.
+# The commands of lexsplat. Each sets up what it needs.
 .DEFAULT_GOAL := help
 DATASET ?= synthetic:7
 KEEP ?= 0
-# Mesa's device chooser looks for a display and complains where none is: it has nothing to choose here.
+FUZZ_SECONDS ?= 60
+# Mesa's device selection layer looks for a display and complains where there is none.
 export NODEVICE_SELECT = 1
 
-help: ## Say what there is
+help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 22
 	@echo '  DATASET=KIND:PATH for demo (synthetic:SEED, replica:, tum:, 7scenes:), KEEP=1 keeps the server up'
 
@@ -13,22 +14,51 @@ deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
 	@deploy/setup.sh
 
 demo: deps ## Build, map a room, ask five questions, write heat maps into demo-out/
-	@cargo build --release --quiet -p lexsplat-server -p lexsplat-client \
+	@echo 'building lexsplat: minutes the first time, seconds from then on'
+	@cargo build --release -p lexsplat-server -p lexsplat-client \
 	  || { echo 'error: the build failed, see above' >&2; exit 1; }
 	@target/release/lexsplat demo --dataset '$(DATASET)' $(if $(filter 1,$(KEEP)),--keep)
 
-test: ## Format, lints, licences, borders and every test
+test: lint ## Lints, and every test
 	@deploy/setup.sh --tests
+	cargo test --workspace
+
+lint: ## Format, lints, documentation, licences, spelling
+	@deploy/setup.sh --lint
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --quiet
 	@if command -v cargo-deny >/dev/null; then cargo deny --all-features check --hide-inclusion-graph licenses bans sources; \
-	  else echo 'cargo-deny is not installed: licences, bans and sources are not checked'; fi
-	cargo test --workspace
+	  else echo 'SKIPPED: licences, bans and sources are not checked, because cargo-deny is not installed (cargo install cargo-deny)'; fi
+	.deps/lint/bin/typos
+	.deps/lint/bin/ruff check --no-cache
+	.deps/lint/bin/ruff format --no-cache --check client tests
+
+format: ## Format the Rust and Python sources
+	@deploy/setup.sh --lint
+	cargo fmt --all
+	.deps/lint/bin/ruff format --no-cache client tests
+
+lengths: ## Print median and longest files and functions, and circles among imports
+	@cargo run --quiet -p lexsplat-borders -- lengths $(SOURCES)
+	@cargo run --quiet -p lexsplat-borders -- circles $(SOURCES)
+
+SOURCES = $(sort $(dir $(shell git ls-files '*/src/lib.rs' '*/src/main.rs' | grep -v '^tests/')))
 
 bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-gpu --bench engine
 	cargo bench -p lexsplat-server --bench query
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
+
+fuzz: deps .deps/fuzz/bin/cargo-fuzz ## Run each fuzz target for FUZZ_SECONDS (60)
+	@cd gpu && for target in $$(ls fuzz/fuzz_targets | sed 's/\.rs$$//'); do \
+	  mkdir -p fuzz/corpus/$$target && \
+	  for i in $$(seq 100); do head -c $$((i * 25)) /dev/urandom > fuzz/corpus/$$target/random-$$i; done && \
+	  PATH="$(CURDIR)/.deps/fuzz/bin:$$PATH" cargo fuzz run -s none $$target -- \
+	    -max_total_time=$(FUZZ_SECONDS) -max_len=2500 -len_control=0 || exit 1; done
+
+.deps/fuzz/bin/cargo-fuzz:
+	cargo install --quiet --locked --root .deps/fuzz cargo-fuzz@0.13.1
 
 training-test: .venv/export ## Tests of the scripts that export networks (installs PyTorch into .venv/: 3 GB)
 	cd training && ../.venv/bin/python -m pytest -q tests
@@ -38,4 +68,4 @@ training-test: .venv/export ## Tests of the scripts that export networks (instal
 	.venv/bin/pip install --quiet -r $<
 	@touch $@
 
-.PHONY: help deps demo test bench training-test
+.PHONY: help deps demo test lint format lengths bench fuzz training-test

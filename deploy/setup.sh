@@ -1,14 +1,17 @@
 #!/usr/bin/env bash
 # Installs what lexsplat needs beside Rust, a C compiler and Python: a Vulkan loader with a software
-# driver (apt) and ONNX Runtime's shared library (pip, into .deps/). Says what to run where it cannot.
+# driver (apt) and ONNX Runtime's shared library (pip, into .deps/). Where it cannot, it says what to run.
 #
-#   deploy/setup.sh            everything
-#   deploy/setup.sh --tests    and what the tests use (the Python gRPC client and readers of the exported files)
+#   deploy/setup.sh            what the server needs
+#   deploy/setup.sh --tests    and what the tests use: the Python gRPC client, readers of exported files
+#   deploy/setup.sh --lint     only the linters: typos and ruff
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 ONNXRUNTIME_VERSION=1.31.1
 PYTHON_TAG=3.12 # of the wheel: only its shared library is used, any Python can unpack it
+TYPOS_VERSION=1.52.0
+RUFF_VERSION=0.17.6
 
 say() { printf '%s\n' "$*" >&2; }
 fail() { say "error: $*"; exit 1; }
@@ -38,12 +41,6 @@ command -v python3 >/dev/null || fail "Python 3 is missing: apt-get install pyth
 # Distributions put ldconfig where only root looks.
 PATH="$PATH:/usr/sbin:/sbin"
 
-packages=()
-has_library 'libvulkan.so.1' || packages+=(libvulkan1)
-has_vulkan_driver || packages+=(mesa-vulkan-drivers)
-python3 -m pip --version >/dev/null 2>&1 || packages+=(python3-pip)
-[ ${#packages[@]} = 0 ] || apt_install "${packages[@]}"
-
 pip_install() { # pip_install TARGET ARGUMENT...
   local target=$1
   shift
@@ -54,6 +51,22 @@ pip_install() { # pip_install TARGET ARGUMENT...
   rm -rf "$target"
   mv "$target.partial" "$target"
 }
+
+if [ "${1:-}" = --lint ]; then
+  python3 -m pip --version >/dev/null 2>&1 || apt_install python3-pip
+  if [ ! -d ".deps/lint/typos-$TYPOS_VERSION.dist-info" ] || [ ! -d ".deps/lint/ruff-$RUFF_VERSION.dist-info" ]; then
+    say "installing typos $TYPOS_VERSION and ruff $RUFF_VERSION into .deps/lint"
+    mkdir -p .deps
+    pip_install .deps/lint --only-binary=:all: "typos==$TYPOS_VERSION" "ruff==$RUFF_VERSION"
+  fi
+  exit
+fi
+
+packages=()
+has_library 'libvulkan.so.1' || packages+=(libvulkan1)
+has_vulkan_driver || packages+=(mesa-vulkan-drivers)
+python3 -m pip --version >/dev/null 2>&1 || packages+=(python3-pip)
+[ ${#packages[@]} = 0 ] || apt_install "${packages[@]}"
 
 runtime=.deps/onnxruntime
 if ! ls "$runtime/onnxruntime/capi/libonnxruntime.so.$ONNXRUNTIME_VERSION" >/dev/null 2>&1; then

@@ -5,6 +5,7 @@
 
 Prints each word's share of the frame's view and of the map, and where the nearest thing of the first word is.
 """
+
 import io
 import json
 import sys

@@ -15,21 +15,22 @@ async fn python_streams_and_a_heat_map_comes_back_as_npy() {
     };
     synthetic::write::write(folder.path(), &plan, |_| {}).expect("the room can be written");
     let server = Server::start(tiny_config()).await;
+    let labels = ["--frames", "2", "--labels"];
     for (map, options, tracked) in
-        [("outside", &[][..], "12 frames tracked"), ("labelled", &["2", "--labels"], "2 frames")]
+        [("outside", &[][..], "12 frames tracked"), ("labelled", &labels, "2 frames tracked")]
     {
         let robot = Command::new("python3")
             .env("PYTHONPATH", root().join(".deps/python"))
-            .arg(root().join("tests/outside/robot.py"))
-            .args([&server.grpc, map])
+            .arg(root().join("client/examples/robot.py"))
             .arg(folder.path())
+            .args(["--server", &server.grpc, "--map", map])
             .args(options)
             .output()
             .expect("python3 runs");
         let said = String::from_utf8_lossy(&robot.stdout);
         let complained = String::from_utf8_lossy(&robot.stderr);
         assert!(robot.status.success(), "{said}{complained} (make deps installs what it needs)");
-        assert!(said.contains(tracked) && !said.contains("label"), "{said}{complained}");
+        assert!(said.contains(tracked) && !said.contains("refused"), "{said}{complained}");
         server.settled(map).await;
     }
 
