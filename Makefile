@@ -15,7 +15,7 @@ deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
 
 demo: deps ## Build, map a room, ask five questions, write heat maps into demo-out/
 	@echo 'building lexsplat: minutes the first time, seconds from then on'
-	@cargo build --release -p lexsplat-server -p lexsplat-client \
+	@cargo build --release -p lexsplat-server -p lexsplat-cli \
 	  || { echo 'error: the build failed, see above' >&2; exit 1; }
 	@target/release/lexsplat demo --dataset '$(DATASET)' $(if $(filter 1,$(KEEP)),--keep)
 

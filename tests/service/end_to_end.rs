@@ -21,7 +21,7 @@ const FOUND_SHUFFLED: f64 = 0.2;
 /// The things in the room that a keyframe shows well: class and the keyframe that shows it best.
 fn visible(robot: &Robot, keyframes: &[usize]) -> Vec<(&'static str, usize)> {
     let classes: BTreeSet<_> = robot.room.instances().iter().map(|thing| thing.class).collect();
-    let structure = lexsplat_client::synthetic::STRUCTURE;
+    let structure = lexsplat_synthetic::STRUCTURE;
     classes
         .into_iter()
         .filter(|class| !structure.contains(class))

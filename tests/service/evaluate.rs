@@ -1,8 +1,9 @@
 //! An evaluation from end to end: a synthetic room is streamed, mapped, rendered, asked and scored.
 
-use lexsplat_client::dataset::{DatasetSpec, FrameRange};
-use lexsplat_client::evaluate::{EvaluateError, Options, Step, Target, evaluate, plot};
+use lexsplat_client::dataset::FrameRange;
 use lexsplat_client::stream::{Encoder, Poses};
+use lexsplat_evaluate::{EvaluateError, Options, Step, Target, evaluate, markdown, plot};
+use lexsplat_synthetic::SyntheticDataset;
 use lexsplat_tests::{Server, tiny_config};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -18,7 +19,7 @@ fn options(language: bool) -> Options {
 async fn a_room_is_measured_and_a_used_map_is_refused() {
     let server = Server::start(tiny_config()).await;
     let range = FrameRange { end: Some(FRAMES), ..FrameRange::default() };
-    let open = || Arc::from(DatasetSpec::Synthetic { seed: 8 }.open(range).expect("it is made"));
+    let open = || Arc::from(range.of(Box::new(SyntheticDataset::new(8))).expect("it is made"));
     let (grpc, http) = (server.grpc.clone(), server.http.clone());
     let target = Target { grpc, http, map: "measured".into() };
     let mut steps = [false; 6];
@@ -35,7 +36,7 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     };
     let measured = evaluate(open(), &target, options(true), on_step).await.expect("it is measured");
     let report = &measured.report;
-    println!("{}", report.markdown(&[]));
+    println!("{}", markdown(report, &[]));
     assert!(steps[0] && steps[2..].iter().all(|step| *step), "{steps:?}");
 
     assert_eq!(

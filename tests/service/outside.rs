@@ -1,19 +1,15 @@
 //! A client that shares nothing with lexsplat but the wire: Python's gRPC and the server's reflection.
 
-use lexsplat_client::synthetic;
+use lexsplat_synthetic as synthetic;
 use lexsplat_tests::{Server, root, tiny_config};
 use std::process::Command;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn python_streams_and_a_heat_map_comes_back_as_npy() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let plan = synthetic::write::Plan {
-        seed: 5,
-        frames: 12,
-        every: 1,
-        camera: synthetic::Camera::new(160, 120),
-    };
-    synthetic::write::write(folder.path(), &plan, |_| {}).expect("the room can be written");
+    let plan =
+        synthetic::Plan { seed: 5, frames: 12, every: 1, camera: synthetic::Camera::new(160, 120) };
+    synthetic::write(folder.path(), &plan, |_| {}).expect("the room can be written");
     let server = Server::start(tiny_config()).await;
     let labels = ["--frames", "2", "--labels"];
     for (map, options, tracked) in

@@ -1,7 +1,7 @@
 //! A robot in a synthetic room: what it sends, and what is true of what it saw.
 
-use lexsplat_client::synthetic::{self, Camera, Room, View};
 use lexsplat_proto::v1::{self, frame_message::Message};
+use lexsplat_synthetic::{self as synthetic, Camera, Room, View};
 use nalgebra::{Isometry3, Point3};
 
 /// Columns of what the robot sees.
@@ -54,9 +54,9 @@ impl Robot {
             sequence: at as u64,
             timestamp_nanos: at as u64 * FRAME_NANOS,
             color_format: v1::ColorFormat::Jpeg.into(),
-            color: synthetic::write::jpeg(view).expect("it encodes").into(),
+            color: synthetic::jpeg(view).expect("it encodes").into(),
             depth_format: v1::DepthFormat::Png16.into(),
-            depth: synthetic::write::depth_png(view).expect("it encodes").into(),
+            depth: synthetic::depth_png(view).expect("it encodes").into(),
             world_from_camera: Some(pose(&self.poses[at])),
             pose_covariance: Vec::new(),
             ..v1::Frame::default()
@@ -116,7 +116,7 @@ impl Robot {
                 Some(Message::Frame(frame)) => {
                     let view = &self.views[frame.sequence as usize];
                     frame.set_label_format(v1::LabelFormat::Png);
-                    frame.labels = synthetic::write::mask_png(view).expect("it encodes").into();
+                    frame.labels = synthetic::mask_png(view).expect("it encodes").into();
                 }
                 None => {}
             }

@@ -5,22 +5,6 @@ use std::path::{Path, PathBuf};
 /// Why a data set cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The specification is not understood.
-    #[error(
-        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED], found {found:?}"
-    )]
-    Spec {
-        /// What was given.
-        found: String,
-    },
-    /// A kind that is known but cannot be read.
-    #[error(
-        "dataset: {kind} is not supported yet; convert it to the replica, tum or 7scenes layout"
-    )]
-    NotYet {
-        /// The kind.
-        kind: &'static str,
-    },
     /// The file system refused.
     #[error("cannot read {path}", path = path.display())]
     File {
@@ -69,7 +53,7 @@ pub enum DatasetError {
 
 impl DatasetError {
     /// A whole file or folder is not as it should be.
-    pub(super) fn content(path: &Path, reason: impl Into<String>) -> Self {
+    pub(crate) fn content(path: &Path, reason: impl Into<String>) -> Self {
         Self::Content { path: path.to_path_buf(), line: None, reason: reason.into() }
     }
 

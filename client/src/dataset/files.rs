@@ -1,6 +1,7 @@
 //! Reading files with errors that name them. Nothing here knows a layout.
 
-use super::{Color, ColorFormat, DatasetError, Depth, DepthFormat};
+use super::error::DatasetError;
+use super::frame::{Color, ColorFormat, Depth, DepthFormat};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,10 @@
 //! A part of a data set: every `stride`-th frame from `start` up to `end`, once or there and back several
 //! times. Frames keep their numbers; of several passes they are numbered anew.
 
-use super::{Dataset, DatasetError, Instance, Intrinsics, Mask, RgbdFrame, Truth, counted_nanos};
+use super::error::DatasetError;
+use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
+use super::source::Dataset;
+use super::truth::{Instance, Mask, Truth};
 use std::num::NonZeroUsize;
 
 /// Which frames to use, by position in the data set.
@@ -26,7 +29,10 @@ impl Default for FrameRange {
 
 impl FrameRange {
     /// The part of `dataset`.
-    pub(super) fn of(self, dataset: Box<dyn Dataset>) -> Result<Box<dyn Dataset>, DatasetError> {
+    ///
+    /// # Errors
+    /// [`DatasetError::Range`] if the range leaves no frames.
+    pub fn of(self, dataset: Box<dyn Dataset>) -> Result<Box<dyn Dataset>, DatasetError> {
         if self == Self::default() {
             return Ok(dataset);
         }

@@ -3,15 +3,18 @@
 //! (`{"camera":{"w","h","fx","fy","cx","cy","scale"}}`, scale in depth units per metre), and
 //! optionally `semantic/%06d.png` (8 or 16 bit, instance ids) with `instances.json`.
 
-use super::{
-    Dataset, DatasetError, Instance, Intrinsics, Mask, RgbdFrame, Truth, counted_nanos, files, pose,
-};
+use super::error::DatasetError;
+use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
+use super::source::Dataset;
+use super::truth::{Instance, Mask, Truth};
+use super::{files, pose};
 use nalgebra::Isometry3;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// A folder in Replica layout.
-pub(super) struct Replica {
+#[derive(Debug)]
+pub struct Replica {
     name: String,
     intrinsics: Intrinsics,
     depth_unit_metres: f64,
@@ -20,6 +23,7 @@ pub(super) struct Replica {
     labels: Option<Labels>,
 }
 
+#[derive(Debug)]
 struct Entry {
     sequence: u64,
     color: PathBuf,
@@ -27,6 +31,7 @@ struct Entry {
     world_from_camera: Isometry3<f64>,
 }
 
+#[derive(Debug)]
 struct Labels {
     folder: PathBuf,
     instances: Vec<Instance>,
@@ -53,7 +58,10 @@ struct CameraParams {
 
 impl Replica {
     /// Finds the files and reads camera, poses and instances.
-    pub(super) fn open(folder: &Path) -> Result<Self, DatasetError> {
+    ///
+    /// # Errors
+    /// [`DatasetError`] if a file is missing or damaged.
+    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let (intrinsics, depth_unit_metres) = camera(&folder.join("cam_params.json"))?;
         let results = folder.join("results");
         let colors = files::numbered(&results, "frame", &[".jpg", ".png"])?;

@@ -4,10 +4,10 @@
 //! a frame keeps its number. With the Kinect's own intrinsics color is not registered to depth in these
 //! files, and is brought there ([`kinect`]); with other intrinsics it is taken as it is.
 
-use super::{
-    Color, ColorFormat, Dataset, DatasetError, Intrinsics, RgbdFrame, counted_nanos, files, kinect,
-    pose,
-};
+use super::error::DatasetError;
+use super::frame::{Color, ColorFormat, Intrinsics, RgbdFrame, counted_nanos};
+use super::source::Dataset;
+use super::{files, kinect, pose};
 use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, Luma, codecs::png};
 use nalgebra::Isometry3;
 use std::path::{Path, PathBuf};
@@ -15,13 +15,15 @@ use std::path::{Path, PathBuf};
 const NO_MEASUREMENT: u16 = u16::MAX;
 
 /// A sequence in 7-Scenes layout.
-pub(super) struct SevenScenes {
+#[derive(Debug)]
+pub struct SevenScenes {
     name: String,
     intrinsics: Intrinsics,
     frames: Vec<Entry>,
     skipped: Vec<String>,
 }
 
+#[derive(Debug)]
 struct Entry {
     sequence: u64,
     color: PathBuf,
@@ -31,7 +33,10 @@ struct Entry {
 
 impl SevenScenes {
     /// Finds the files and reads camera and poses.
-    pub(super) fn open(folder: &Path) -> Result<Self, DatasetError> {
+    ///
+    /// # Errors
+    /// [`DatasetError`] if a file is missing or damaged.
+    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let colors = files::numbered(folder, "frame-", &[".color.jpg", ".color.png"])?;
         let mut depths = files::numbered(folder, "frame-", &[".depth.png"])?;
         let (mut frames, mut skipped) = (Vec::new(), Vec::new());

@@ -5,7 +5,10 @@
 //! (`freiburg1`, …) in the folder's name, else the driver's default. A frame's number is its
 //! picture's place in `rgb.txt`, from 0.
 
-use super::{Dataset, DatasetError, Intrinsics, RgbdFrame, files, pose};
+use super::error::DatasetError;
+use super::frame::{Intrinsics, RgbdFrame};
+use super::source::Dataset;
+use super::{files, pose};
 use nalgebra::Isometry3;
 use std::path::{Path, PathBuf};
 
@@ -22,13 +25,15 @@ const CALIBRATED: [(&str, [f64; 4]); 3] = [
 ];
 
 /// A folder in TUM layout.
-pub(super) struct Tum {
+#[derive(Debug)]
+pub struct Tum {
     name: String,
     intrinsics: Intrinsics,
     frames: Vec<Entry>,
     skipped: Vec<String>,
 }
 
+#[derive(Debug)]
 struct Entry {
     sequence: u64,
     nanos: u64,
@@ -48,7 +53,10 @@ struct Timed<T> {
 
 impl Tum {
     /// Finds the files, pairs them and reads camera and poses.
-    pub(super) fn open(folder: &Path) -> Result<Self, DatasetError> {
+    ///
+    /// # Errors
+    /// [`DatasetError`] if a file is missing or damaged.
+    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let colors = file_list(folder, "rgb.txt")?;
         let depths = file_list(folder, "depth.txt")?;
         let trajectory = folder.join("groundtruth.txt");

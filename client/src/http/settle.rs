@@ -1,15 +1,16 @@
-//! Waiting for a map to do its work on what it has. In: a map's name. Out: its status once it is
-//! settled, or why it will not be.
+//! Waiting until a map is settled: no frame waits and its optimisation is done.
 
-use super::{HttpClient, HttpError, Status};
+use super::client::HttpClient;
+use super::error::HttpError;
+use super::wire::Status;
 use std::time::{Duration, Instant};
 
-/// A map whose revision stays the same for so long does not go on.
+/// A map without a new revision for so long has stalled.
 const STALLED: Duration = Duration::from_secs(180);
 const POLL: Duration = Duration::from_millis(250);
 
 impl HttpClient {
-    /// Waits until the map is settled; `on_status` hears how far it is.
+    /// Waits until the map is settled; calls `on_status` with every status before that.
     ///
     /// # Errors
     /// [`HttpError::MapFailed`], [`HttpError::Stalled`] and those of [`Self::status`].

@@ -1,6 +1,6 @@
 //! What goes over HTTP, as JSON: the question, the answer, the map's status and its keyframes.
-//! Scores are relevancies in 0..1; pixels; metres in the map's world. Only data: asking is
-//! [`super::HttpClient`]'s.
+//! Scores are relevancies in 0..1; pixels; metres in the map's world. Only data: the requests are
+//! in [`crate::http::HttpClient`].
 
 use serde::{Deserialize, Serialize};
 

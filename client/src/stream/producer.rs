@@ -1,15 +1,14 @@
 //! Reads or renders frames ahead and puts them on the wire's queue. Runs on a blocking thread.
 
-use super::ClientError;
-use crate::dataset::{Dataset, DatasetError, Mask, RgbdFrame};
+use super::connection::{FrameSender, wire_frame};
+use super::error::ClientError;
+use crate::dataset::{Dataset, DatasetError, Mask};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
-use lexsplat_proto::v1::{self, FrameMessage, frame_message::Message};
-use nalgebra::Isometry3;
+use lexsplat_proto::v1;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::mpsc;
 
 /// What to send, and how.
 pub(super) struct Producer {
@@ -20,7 +19,7 @@ pub(super) struct Producer {
     /// Whether frames carry the data set's masks, which are there.
     pub labels: bool,
     pub hold_out_every: Option<NonZeroUsize>,
-    pub frames: mpsc::Sender<FrameMessage>,
+    pub frames: FrameSender,
 }
 
 impl Producer {
@@ -37,14 +36,13 @@ impl Producer {
                     .wait(frame.timestamp_nanos);
             }
             let sequence = frame.sequence;
-            let mut wire = wire(frame);
+            let mut wire = wire_frame(frame);
             wire.held_out = self.is_held_out(index);
             if let Some(truth) = self.dataset.truth().filter(|_| self.labels) {
                 wire.set_label_format(v1::LabelFormat::Png);
                 wire.labels = labels_png(&truth.mask(index)?, sequence)?.into();
             }
-            let message = FrameMessage { message: Some(Message::Frame(wire)) };
-            if self.frames.blocking_send(message).is_err() {
+            if !self.frames.blocking_send(wire) {
                 return Ok(());
             }
         }
@@ -82,28 +80,5 @@ impl Pace {
     fn wait(&self, nanos: u64) {
         let due = Duration::from_nanos(nanos.saturating_sub(self.first_nanos));
         std::thread::sleep(due.saturating_sub(self.started.elapsed()));
-    }
-}
-
-/// The frame as it travels.
-pub(crate) fn wire(frame: RgbdFrame) -> v1::Frame {
-    v1::Frame {
-        sequence: frame.sequence,
-        timestamp_nanos: frame.timestamp_nanos,
-        color_format: frame.color.format.into(),
-        color: frame.color.bytes.into(),
-        depth_format: frame.depth.format.into(),
-        depth: frame.depth.bytes.into(),
-        world_from_camera: frame.world_from_camera.as_ref().map(wire_pose),
-        pose_covariance: Vec::new(),
-        ..v1::Frame::default()
-    }
-}
-
-fn wire_pose(target_from_source: &Isometry3<f64>) -> v1::Pose {
-    let (q, t) = (target_from_source.rotation, target_from_source.translation);
-    v1::Pose {
-        rotation: Some(v1::Quaternion { w: q.w, x: q.i, y: q.j, z: q.k }),
-        translation_metres: Some(v1::Vector3 { x: t.x, y: t.y, z: t.z }),
     }
 }

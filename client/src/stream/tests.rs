@@ -1,13 +1,20 @@
 //! Streams to a small stand-in for the server, over a real socket.
 
-use super::*;
-use crate::dataset::{Color, ColorFormat, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame};
+use crate::dataset::{
+    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame,
+};
+use crate::stream::{
+    ClientError, Encoder, FrameAck, FrameStatus, Poses, Refusal, StreamOptions, Summary, stream,
+};
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
+use lexsplat_proto::v1::{self, FrameMessage, frame_message::Message};
 use nalgebra::Isometry3;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::TcpIncoming;
-use tonic::{Code, Request, Response, Status};
+use tonic::{Code, Request, Response, Status, Streaming};
 
 /// Frames with these numbers, 100 ms apart; reading number 13 fails, number 14 has no pose.
 struct Numbers(Vec<u64>);
@@ -36,7 +43,7 @@ impl Dataset for Numbers {
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
         let sequence = self.0[index];
         if sequence == 13 {
-            return Err(DatasetError::NotYet { kind: "thirteen" });
+            return Err(DatasetError::content("13".as_ref(), "unreadable"));
         }
         Ok(RgbdFrame {
             sequence,

@@ -248,6 +248,10 @@ fn medians_are_right() {
     assert_eq!(lengths::median([]), 0);
 }
 
+/// The sources of the client's packages.
+const CLIENT_FOLDERS: [&str; 4] =
+    ["client/src", "client/synthetic/src", "client/evaluate/src", "client/cli/src"];
+
 /// Files below `folder` with this extension: path relative to the root, and text.
 fn sources(folder: &str, extension: &str) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
@@ -335,14 +339,26 @@ fn one_place_knows_onnx_runtime() {
 
 #[test]
 fn client_and_server_meet_in_proto_only() {
-    assert_never_names("client/src", &["lexsplat_server", "lexsplat_gpu", "lexsplat_tests"], &[]);
-    assert_never_names("server/src", &["lexsplat_client", "lexsplat_tests"], &[]);
+    for folder in CLIENT_FOLDERS {
+        assert_never_names(folder, &["lexsplat_server", "lexsplat_gpu", "lexsplat_tests"], &[]);
+    }
+    let clients = ["lexsplat_client", "lexsplat_synthetic", "lexsplat_evaluate"];
+    assert_never_names("client/src", &clients[1..], &[]);
+    assert_never_names("client/synthetic/src", &clients[2..], &[]);
+    assert_never_names("server/src", &clients, &[]);
+    assert_never_names("server/src", &["lexsplat_tests"], &[]);
     let server = ["lexsplat_server", "lexsplat_client", "lexsplat_gpu", "lexsplat_tests"];
     assert_never_names("proto/src", &server, &[]);
     assert_never_names("gpu/src", &server[..2], &[]);
     for (package, forbidden) in [
         ("client", "lexsplat-server"),
         ("client", "lexsplat-gpu"),
+        ("client/synthetic", "lexsplat-server"),
+        ("client/synthetic", "lexsplat-gpu"),
+        ("client/evaluate", "lexsplat-server"),
+        ("client/evaluate", "lexsplat-gpu"),
+        ("client/cli", "lexsplat-server"),
+        ("client/cli", "lexsplat-gpu"),
         ("server", "lexsplat-client"),
         ("gpu", "lexsplat-server"),
     ] {
@@ -354,7 +370,8 @@ fn client_and_server_meet_in_proto_only() {
 
 #[test]
 fn every_file_says_what_it_is_and_stays_short() {
-    for folder in ["proto/src", "gpu/src", "server/src", "client/src", "tests"] {
+    for folder in ["proto/src", "gpu/src", "server/src", "tests"].into_iter().chain(CLIENT_FOLDERS)
+    {
         for (path, text) in sources(folder, "rs") {
             let path = path.display();
             assert!(

@@ -1,0 +1,320 @@
+//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes pictures. Several
+//! texts are `super::segment`'s.
+
+use super::segment;
+use super::table::{Align, table};
+use anyhow::{Context as _, Result};
+use image::{Rgb, RgbImage};
+use lexsplat_client::http::{
+    Answer, Bounds, FrameView, HttpClient, Keyframe, Object, PixelBox, Question,
+};
+use lexsplat_client::npy;
+use lexsplat_evaluate::overlay;
+use std::path::{Path, PathBuf};
+
+/// Ask a map where something is, or which of several things is what
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  lexsplat query 'coffee cup' --map kitchen\n  \
+                        lexsplat query 'coffee cup' --map kitchen --frame 120 --out cup\n  \
+                        lexsplat query chair table floor --map kitchen --frame 120\n  \
+                        lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool")]
+pub struct Query {
+    /// What is looked for, in plain words; several are compared with each other
+    #[arg(required = true, value_name = "TEXT")]
+    texts: Vec<String>,
+    /// The map
+    #[arg(long, value_name = "NAME")]
+    map: String,
+    /// Ask about the view of this tracked frame; without it about the whole space
+    #[arg(long, value_name = "SEQUENCE")]
+    frame: Option<u64>,
+    /// What it is not, instead of the server's own words; may be given several times
+    #[arg(long = "not", value_name = "WORDS")]
+    negatives: Vec<String>,
+    /// Relevancy above which something counts, 0 to 1
+    #[arg(long, value_name = "SHARE")]
+    threshold: Option<f32>,
+    /// Objects nearest to this point first, metres
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    near: Option<[f32; 3]>,
+    /// Only what is in this box: its least corner, then its greatest, metres
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    within: Option<[f32; 6]>,
+    /// Folder for heatmap.png, overlay.png, heatmap.npy and points.ply; made if missing
+    #[arg(long, value_name = "DIR", default_value = "query-out")]
+    out: PathBuf,
+    /// Where the server answers HTTP
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
+    http: String,
+    /// Print the server's answer as JSON instead
+    #[arg(long)]
+    json: bool,
+}
+
+/// Color of boxes in pictures.
+pub const BOX: Rgb<u8> = Rgb([255, 214, 10]);
+/// More boxes than these hide the picture.
+pub const MOST_BOXES: usize = 3;
+/// From where a thing of a room is seen best.
+const GOOD_DISTANCE_METRES: f64 = 1.8;
+
+/// Runs the command.
+pub async fn run(arguments: &Query) -> Result<()> {
+    let Query { texts, map, frame, out, http, json, .. } = arguments;
+    let client = HttpClient::new(http)?;
+    let question = arguments.question();
+    if texts.len() > 1 {
+        let asked = segment::Asked { client: &client, map, question: &question, json: *json };
+        return segment::run(&asked, out).await;
+    }
+    let answer = client.query(map, &question).await?;
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    if *json {
+        println!("{}", serde_json::to_string_pretty(&answer)?);
+    } else {
+        print!("{}", described(&answer));
+    }
+    if let Some(link) = &answer.points {
+        save(&out.join("points.ply"), &client.points_ply(link).await?)?;
+    }
+    match (frame, best_object(&answer)) {
+        (Some(sequence), _) => pictures(&client, &answer, *sequence, out).await?,
+        (None, Some(object)) => {
+            let frames = client.frames(map).await?;
+            if let Some(view) = best_view(&frames, object.center.map(f64::from)) {
+                let view_of = Some(FrameView { frame: view.sequence });
+                let question = Question { view: view_of, near: None, within: None, ..question };
+                let seen = client.query(map, &question).await?;
+                pictures(&client, &seen, view.sequence, out).await?;
+                eprintln!("overlay.png shows frame {}, which sees the best object", view.sequence);
+            }
+        }
+        (None, None) => {}
+    }
+    eprintln!("files are in {}", out.display());
+    Ok(())
+}
+
+impl Query {
+    fn question(&self) -> Question {
+        let (text, texts) = match &self.texts[..] {
+            [text] => (text.clone(), Vec::new()),
+            several => (String::new(), several.to_vec()),
+        };
+        Question {
+            text,
+            texts,
+            negatives: self.negatives.clone(),
+            view: self.frame.map(|frame| FrameView { frame }),
+            threshold: self.threshold,
+            near: self.near,
+            within: self
+                .within
+                .map(|[x0, y0, z0, x1, y1, z1]| Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
+            smoothing: None,
+            max_objects: None,
+        }
+    }
+}
+
+/// As many numbers, with commas between them.
+fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
+    let parts: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let parts = parts.ok().and_then(|parts| <[f32; N]>::try_from(parts).ok());
+    parts.ok_or_else(|| format!("expected {N} numbers with commas between them, found {text:?}"))
+}
+
+/// The answer's best object, if it has one.
+pub fn best_object(answer: &Answer) -> Option<&Object> {
+    answer.objects.as_deref().and_then(|objects| objects.first())
+}
+
+/// The keyframe that sees a point well: near its middle and from a good distance.
+fn best_view(frames: &[Keyframe], point: [f64; 3]) -> Option<&Keyframe> {
+    let cost = |frame: &Keyframe| {
+        let [u, v, z] = frame.project(point)?;
+        let (width, height) = (f64::from(frame.camera.width), f64::from(frame.camera.height));
+        let off = (u / width - 0.5).hypot(v / height - 0.5);
+        Some(off + (z / GOOD_DISTANCE_METRES).ln().abs())
+    };
+    let seen = frames.iter().filter(|frame| frame.has_language);
+    let priced = seen.filter_map(|frame| cost(frame).map(|cost| (cost, frame)));
+    priced.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, frame)| frame)
+}
+
+/// Writes heatmap.png, heatmap.npy and overlay.png of a view's answer.
+async fn pictures(client: &HttpClient, answer: &Answer, sequence: u64, out: &Path) -> Result<()> {
+    let link = answer.heatmap.as_ref().context("the server's answer has no heat map")?;
+    let (relevancy, file) = client.heatmap(link).await?;
+    save(&out.join("heatmap.npy"), &file)?;
+    save(&out.join("heatmap.png"), &client.heatmap_png(link).await?)?;
+    let render = client.render_png(&answer.map, sequence).await?;
+    let render = image::load_from_memory(&render).context("the server's picture")?.to_rgb8();
+    let path = out.join("overlay.png");
+    shown(&render, &relevancy, answer)
+        .save(&path)
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// A picture with an answer's heat, best boxes and peak.
+pub fn shown(picture: &RgbImage, relevancy: &npy::Array, answer: &Answer) -> RgbImage {
+    let mut picture = overlay::heat(picture, relevancy);
+    for bounds in answer.boxes.iter().flatten().take(MOST_BOXES) {
+        overlay::outline(&mut picture, bounds, BOX);
+    }
+    if let Some(peak) = &answer.peak {
+        overlay::ring(&mut picture, peak.x, peak.y);
+    }
+    picture
+}
+
+pub(super) fn save(path: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// An answer as text.
+fn described(answer: &Answer) -> String {
+    let mut text = format!(
+        "{:?} in {}: {}, confidence {:.2}, {:.0} ms\n",
+        answer.text,
+        answer.map,
+        if answer.present { "present" } else { "not present" },
+        answer.confidence,
+        answer.timing_ms.total
+    );
+    if let Some(peak) = answer.peak {
+        text += &format!("peak {:.2} at pixel ({:.0}, {:.0})\n", peak.score, peak.x, peak.y);
+    }
+    match answer.boxes.as_deref() {
+        Some([]) => text += &format!("no pixel is above {:.2}\n", answer.threshold),
+        Some(boxes) => text += &boxes_table(boxes),
+        None => {}
+    }
+    match answer.objects.as_deref() {
+        Some([]) => text += &format!("no object is above {:.2}\n", answer.threshold),
+        Some(objects) => text += &objects_table(objects),
+        None => {}
+    }
+    text
+}
+
+fn boxes_table(boxes: &[PixelBox]) -> String {
+    let right = |name| (name, Align::Right);
+    let columns = ["box", "score", "x px", "y px", "width px", "height px"].map(right);
+    let rows: Vec<Vec<String>> = boxes
+        .iter()
+        .enumerate()
+        .map(|(at, b)| {
+            let sides = [b.x, b.y, b.width, b.height].map(|side| format!("{side:.0}"));
+            [vec![(at + 1).to_string(), format!("{:.3}", b.score)], sides.to_vec()].concat()
+        })
+        .collect();
+    table(&columns, &rows)
+}
+
+fn objects_table(objects: &[Object]) -> String {
+    let right = |name| (name, Align::Right);
+    let distances = objects.iter().any(|object| object.distance.is_some());
+    let mut columns = ["object", "score", "centre m", "size m", "points"].map(right).to_vec();
+    columns.extend(distances.then_some(right("distance m")));
+    let rows: Vec<Vec<String>> = objects
+        .iter()
+        .enumerate()
+        .map(|(at, object)| {
+            let mut row = vec![
+                (at + 1).to_string(),
+                format!("{:.3}", object.score),
+                metres(object.center),
+                metres(object.size),
+                object.points.to_string(),
+            ];
+            row.extend(distances.then(|| format!("{:.2}", object.distance.unwrap_or_default())));
+            row
+        })
+        .collect();
+    table(&columns, &rows)
+}
+
+/// Three lengths, aligned among themselves.
+pub fn metres(lengths: [f32; 3]) -> String {
+    lengths.map(|length| format!("{length:6.2}")).join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn answer(extra: serde_json::Value) -> Answer {
+        let mut value = json!({"query_id": "q", "text": "cup", "map": "room", "revision": 3,
+            "present": true, "confidence": 0.87, "coverage": 1.0, "threshold": 0.5,
+            "timing_ms": {"text": 1.0, "render": 2.0, "decode": 3.0, "score": 4.0, "total": 10.0}});
+        let fields = extra.as_object().unwrap().clone();
+        value.as_object_mut().unwrap().extend(fields);
+        serde_json::from_value(value).unwrap()
+    }
+
+    #[test]
+    fn answers_are_described_with_units() {
+        let view = answer(json!({"peak": {"x": 12.0, "y": 7.0, "score": 0.91},
+            "boxes": [{"x": 5.0, "y": 4.0, "width": 20.0, "height": 10.0, "score": 0.91}]}));
+        let text = described(&view);
+        assert!(text.starts_with("\"cup\" in room: present, confidence 0.87, 10 ms\n"), "{text}");
+        assert!(text.contains("peak 0.91 at pixel (12, 7)"), "{text}");
+        assert!(text.contains("  1  0.910     5     4        20         10\n"), "{text}");
+        assert!(!text.contains("object"), "{text}");
+        let space = answer(json!({"present": false, "objects": []}));
+        let text = described(&space);
+        assert!(text.contains("not present") && text.contains("no object is above 0.50"), "{text}");
+        assert!(best_object(&space).is_none());
+    }
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        query: Query,
+    }
+
+    fn line(arguments: &[&str]) -> Result<Question, clap::Error> {
+        use clap::Parser as _;
+        let words = [&["query", "--map", "m"], arguments].concat();
+        Line::try_parse_from(words).map(|line| line.query.question())
+    }
+
+    #[test]
+    fn texts_places_and_negatives_are_read() {
+        let one = line(&["cup", "--near", "-1,2.5,0", "--not", "mug"]).unwrap();
+        assert_eq!((one.text.as_str(), one.near), ("cup", Some([-1.0, 2.5, 0.0])));
+        assert_eq!(one.negatives, ["mug"]);
+        let several = line(&["cup", "sofa", "--frame", "3"]).unwrap();
+        assert!(several.text.is_empty() && several.texts == ["cup", "sofa"]);
+        let within = line(&["cup", "--within", "0,0,0,1,2,3"]).unwrap().within.unwrap();
+        assert_eq!(within.max, [1.0, 2.0, 3.0]);
+        for wrong in [&[][..], &["cup", "--near", "1,2"], &["cup", "--within", "0,0,0,1,2,x"]] {
+            assert!(line(wrong).is_err(), "{wrong:?}");
+        }
+    }
+
+    /// A camera at `at` that looks along the world's x with z up.
+    fn keyframe(sequence: u64, at: [f64; 3]) -> Keyframe {
+        let [x, y, z] = at;
+        serde_json::from_value(json!({"sequence": sequence, "has_language": true,
+            "world_from_camera": [0, 0, 1, x, -1, 0, 0, y, 0, -1, 0, z, 0, 0, 0, 1],
+            "camera": {"width": 65, "height": 49, "fx": 50, "fy": 50, "cx": 32, "cy": 24}}))
+        .unwrap()
+    }
+
+    #[test]
+    fn the_best_view_is_central_and_not_too_far() {
+        let at = |sequence, x, y| keyframe(sequence, [x, y, 1.0]);
+        let point = [2.0, 0.0, 1.0];
+        let frames = [at(1, 3.0, 0.0), at(2, -6.0, 0.0), at(3, 0.2, 0.6), at(4, 0.2, 0.1)];
+        let best = |frames: &[Keyframe]| best_view(frames, point).map(|frame| frame.sequence);
+        assert_eq!(best(&frames), Some(4));
+        assert_eq!(best(&frames[..3]), Some(3));
+        assert_eq!(best(&frames[..2]), Some(2));
+        assert_eq!(best(&frames[..1]), None, "it looks the other way");
+        let deaf = Keyframe { has_language: false, ..frames[3].clone() };
+        assert_eq!(best(&[deaf]), None);
+    }
+}

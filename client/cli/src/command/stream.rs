@@ -1,0 +1,141 @@
+//! `lexsplat stream`: sends a data set to a server, with a progress bar on standard error and the
+//! summary on standard output.
+
+use crate::choices::{Encoder, Poses};
+use crate::dataset::DatasetSpec;
+use anyhow::{Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use lexsplat_client::dataset::FrameRange;
+use lexsplat_client::stream::{FrameStatus, Progress, StreamOptions, Summary, stream};
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+
+/// Stream a data set to a server; what the map has seen already is not sent again
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  lexsplat stream --dataset synthetic:7\n  \
+                        lexsplat stream --dataset replica:room0 --map room0 --stride 2\n  \
+                        lexsplat stream --dataset 7scenes:redkitchen/seq-01 --realtime")]
+pub struct Stream {
+    /// replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED]
+    #[arg(long, value_name = "KIND:PATH")]
+    dataset: DatasetSpec,
+    /// Map to make or go on with; the data set's name if not given
+    #[arg(long, value_name = "NAME")]
+    map: Option<String>,
+    /// Where poses come from
+    #[arg(long, value_enum, default_value_t = Poses::Given)]
+    poses: Poses,
+    /// Where language comes from
+    #[arg(long, value_enum, default_value_t = Encoder::Bundle)]
+    encoder: Encoder,
+    /// First frame, counted from 0
+    #[arg(long, value_name = "A", default_value_t = 0)]
+    start: usize,
+    /// Frame after the last
+    #[arg(long, value_name = "B")]
+    end: Option<usize>,
+    /// Use every K-th frame
+    #[arg(long, value_name = "K", default_value = "1")]
+    stride: NonZeroUsize,
+    /// Send at the pace of the frames' timestamps
+    #[arg(long)]
+    realtime: bool,
+    /// The server's gRPC address
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:50051")]
+    grpc: String,
+    /// Print the summary as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub async fn run(arguments: &Stream) -> Result<()> {
+    let range = FrameRange {
+        start: arguments.start,
+        end: arguments.end,
+        stride: arguments.stride,
+        ..FrameRange::default()
+    };
+    let dataset = arguments.dataset.open(range)?;
+    if let [first, ..] = dataset.skipped() {
+        eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
+    }
+    let options = StreamOptions {
+        grpc: arguments.grpc.clone(),
+        map: arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned()),
+        poses: arguments.poses.into(),
+        encoder: arguments.encoder.into(),
+        hold_out_every: None,
+        realtime: arguments.realtime,
+    };
+    let bar = progress_bar(dataset.len() as u64);
+    let summary = stream(Arc::from(dataset), &options, |progress| show(&bar, progress)).await;
+    match &summary {
+        Ok(_) => bar.finish(),
+        Err(_) => bar.abandon(),
+    }
+    let summary = summary?;
+    if arguments.json {
+        println!("{}", serde_json::to_string(&summary)?);
+    } else {
+        print(&summary);
+    }
+    match &summary.refusals[..] {
+        [first, ..] if summary.refused == summary.sent => bail!(
+            "the server refused all {} frames; frame {}: {}: {}",
+            summary.sent,
+            first.sequence,
+            first.field,
+            first.reason
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// A bar for `frames` frames, on standard error.
+pub fn progress_bar(frames: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {msg}")
+        .expect("the template is constant");
+    ProgressBar::new(frames).with_style(style)
+}
+
+/// Moves the bar.
+pub fn show(bar: &ProgressBar, progress: &Progress) {
+    bar.set_length(progress.total);
+    bar.set_position(progress.acknowledged);
+    let state = match progress.status {
+        FrameStatus::Tracked => "tracking",
+        FrameStatus::Relocalised => "relocalised",
+        FrameStatus::Refused => "refused",
+        FrameStatus::Lost | FrameStatus::Unspecified => "lost",
+        FrameStatus::Opened => "opened",
+    };
+    bar.set_message(format!(
+        "{:.1} frames/s  {state}  queue {}/{}",
+        progress.frames_per_second, progress.queue_depth, progress.queue_capacity
+    ));
+}
+
+fn print(summary: &Summary) {
+    let Summary { map, sent, tracked, lost, refused, .. } = summary;
+    if summary.resumed_past > 0 {
+        println!("map {map}: {} frames were there already", summary.resumed_past);
+    }
+    if *sent == 0 {
+        return;
+    }
+    println!(
+        "map {map}: {sent} frames in {:.1} s ({:.2} frames/s): {tracked} tracked, {lost} lost, \
+         {refused} refused, {} keyframes",
+        summary.seconds,
+        summary.frames_per_second,
+        summary.keyframes.len()
+    );
+    for refusal in &summary.refusals {
+        println!("refused frame {}: {}: {}", refusal.sequence, refusal.field, refusal.reason);
+    }
+    match summary.durable_through {
+        Some(sequence) => println!("durable through frame {sequence}"),
+        None => println!("not durable: the server has no data directory"),
+    }
+}

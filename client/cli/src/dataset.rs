@@ -1,0 +1,133 @@
+//! `KIND:PATH` as users write it on the command line, and opening the data set that it names.
+
+use lexsplat_client::dataset::{Dataset, DatasetError, FrameRange, Replica, SevenScenes, Tum};
+use lexsplat_synthetic::SyntheticDataset;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Seed of the synthetic room if none is given.
+const DEFAULT_SEED: u64 = 7;
+
+/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH` or `synthetic[:SEED]`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DatasetSpec {
+    /// A folder in Replica layout.
+    Replica(PathBuf),
+    /// A folder in TUM RGB-D layout.
+    Tum(PathBuf),
+    /// The folder of one sequence in 7-Scenes layout.
+    SevenScenes(PathBuf),
+    /// A rendered room; no file is read.
+    Synthetic {
+        /// Which room.
+        seed: u64,
+    },
+}
+
+/// Why a text names no data set.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SpecError {
+    /// Neither a known kind nor a complete specification.
+    #[error(
+        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED], found {found:?}"
+    )]
+    Unknown {
+        /// The text that was given.
+        found: String,
+    },
+    /// A known kind that cannot be read.
+    #[error(
+        "dataset: {kind} is not supported yet; convert it to the replica, tum or 7scenes layout"
+    )]
+    Unsupported {
+        /// The kind.
+        kind: &'static str,
+    },
+}
+
+impl DatasetSpec {
+    /// Opens it: checks that the files are there and reads poses, but no pictures.
+    ///
+    /// # Errors
+    /// [`DatasetError`], also if `range` leaves no frames.
+    pub fn open(&self, range: FrameRange) -> Result<Box<dyn Dataset>, DatasetError> {
+        let dataset: Box<dyn Dataset> = match self {
+            Self::Replica(path) => Box::new(Replica::open(path)?),
+            Self::Tum(path) => Box::new(Tum::open(path)?),
+            Self::SevenScenes(path) => Box::new(SevenScenes::open(path)?),
+            Self::Synthetic { seed } => Box::new(SyntheticDataset::new(*seed)),
+        };
+        range.of(dataset)
+    }
+}
+
+impl FromStr for DatasetSpec {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let unknown = || SpecError::Unknown { found: text.to_owned() };
+        let (kind, rest) = match text.split_once(':') {
+            Some((_, "")) => return Err(unknown()),
+            Some((kind, rest)) => (kind, Some(rest)),
+            None => (text, None),
+        };
+        match (kind, rest) {
+            ("replica", Some(path)) => Ok(Self::Replica(path.into())),
+            ("tum", Some(path)) => Ok(Self::Tum(path.into())),
+            ("7scenes", Some(path)) => Ok(Self::SevenScenes(path.into())),
+            ("synthetic", None) => Ok(Self::Synthetic { seed: DEFAULT_SEED }),
+            ("synthetic", Some(seed)) => {
+                Ok(Self::Synthetic { seed: seed.parse().map_err(|_| unknown())? })
+            }
+            ("mcap", Some(_)) => Err(SpecError::Unsupported { kind: "mcap" }),
+            _ => Err(unknown()),
+        }
+    }
+}
+
+impl fmt::Display for DatasetSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Replica(path) => write!(f, "replica:{}", path.display()),
+            Self::Tum(path) => write!(f, "tum:{}", path.display()),
+            Self::SevenScenes(path) => write!(f, "7scenes:{}", path.display()),
+            Self::Synthetic { seed } => write!(f, "synthetic:{seed}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::num::NonZeroUsize;
+
+    #[test]
+    fn specs_are_read_and_written() {
+        let parse = |text: &str| text.parse::<DatasetSpec>();
+        for text in ["replica:a/b", "tum:a:b", "7scenes:/x", "synthetic:12"] {
+            assert_eq!(parse(text).unwrap().to_string(), text);
+        }
+        assert_eq!(parse("synthetic").unwrap(), DatasetSpec::Synthetic { seed: 7 });
+        for text in ["", "replica", "replica:", "synthetic:x", "scannet:a", "7scene:a"] {
+            let error = parse(text).unwrap_err().to_string();
+            assert!(error.starts_with("dataset: expected replica:PATH"), "{text}: {error}");
+        }
+        let error = parse("mcap:a").unwrap_err().to_string();
+        assert!(error.contains("mcap is not supported yet"), "{error}");
+    }
+
+    #[test]
+    fn a_synthetic_room_opens_without_a_folder_and_a_missing_folder_is_an_error() {
+        let stride = NonZeroUsize::new(149).unwrap();
+        let range = FrameRange { stride, ..FrameRange::default() };
+        let part = DatasetSpec::Synthetic { seed: 5 }.open(range).unwrap();
+        assert_eq!((part.name(), part.len(), part.sequence(1)), ("synthetic-5", 2, 149));
+        let missing = tempfile::tempdir().unwrap().path().join("missing");
+        for kind in ["replica", "tum", "7scenes"] {
+            let spec: DatasetSpec = format!("{kind}:{}", missing.display()).parse().unwrap();
+            let error = spec.open(FrameRange::default()).err().unwrap().to_string();
+            assert!(error.contains("cannot read") && error.contains("missing"), "{error}");
+        }
+    }
+}

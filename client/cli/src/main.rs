@@ -1,0 +1,50 @@
+//! The command line `lexsplat`: turns arguments into calls of one file per command, and results into
+//! exit codes (0 done, 1 failed, 2 wrong usage).
+
+mod bench;
+mod choices;
+mod command;
+mod dataset;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Stream RGB-D data to a lexsplat server and ask it where things are.
+#[derive(Parser)]
+#[command(name = "lexsplat", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Ablate(command::ablate::Ablate),
+    Bench(command::bench::Bench),
+    Demo(command::demo::Demo),
+    Evaluate(command::evaluate::Evaluate),
+    Export(command::export::Export),
+    Query(command::query::Query),
+    Stream(command::stream::Stream),
+    Synth(command::synth::Synth),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Ablate(arguments) => command::wait(command::ablate::run(&arguments)),
+        Command::Bench(arguments) => command::wait(command::bench::run(&arguments)),
+        Command::Demo(arguments) => command::wait(command::demo::run(&arguments)),
+        Command::Evaluate(arguments) => command::wait(command::evaluate::run(&arguments)),
+        Command::Export(arguments) => command::wait(command::export::run(&arguments)),
+        Command::Query(arguments) => command::wait(command::query::run(&arguments)),
+        Command::Stream(arguments) => command::wait(command::stream::run(&arguments)),
+        Command::Synth(arguments) => command::synth::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("lexsplat: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! Is what was asked for there? Answers about things that are there and things that are not: how
+//! often `present` is right, and whether `confidence` is what it says. In: answers and what is true.
+//! Out: accuracies, a reliability curve, expected calibration error, Brier score, and the logistic
+//! that would have fitted.
+//!
+//! The logistic is fitted to the confidences' logits, which are linear in the server's scores: a logit z
+//! would better be scale z + offset. The fit is that of J. Platt, "Probabilistic outputs for support
+//! vector machines" (1999), with his targets, by Newton's method.
+//! Calibration: M. P. Naeini et al., "Obtaining well calibrated probabilities using Bayesian
+//! binning" (2015): the mean over ten bins, weighted by size, of |mean confidence - share there|.
+
+use crate::context::Context;
+use crate::error::EvaluateError;
+use crate::labels::{LEAST_PIXELS, shows};
+use crate::statistics::{mean, spread};
+use crate::step::Step;
+use lexsplat_client::dataset::Truth;
+use lexsplat_client::http::{Answer, Question};
+use serde::Serialize;
+
+/// Nouns of households; those that the scene has are left out.
+#[rustfmt::skip]
+const ABSENT: [&str; 40] = [
+    "washing machine", "vacuum cleaner", "ironing board", "aquarium", "bird cage", "candle",
+    "toaster", "hair dryer", "sewing machine", "christmas tree", "rocking horse", "fireplace",
+    "bathtub", "toilet", "piano", "guitar", "umbrella", "scissors", "banana", "pizza", "bicycle",
+    "tennis racket", "skateboard", "microwave", "broom", "bucket", "ladder", "backpack", "suitcase",
+    "teddy bear", "hammock", "dishwasher", "toothbrush", "shower", "watering can", "typewriter",
+    "wheelchair", "violin", "baby crib", "chessboard",
+];
+/// How many nouns that are not there are asked for.
+pub const ABSENT_NOUNS: usize = 30;
+/// Each noun is asked about in so many views.
+pub const VIEWS: usize = 6;
+/// Bins of a reliability curve.
+const BINS: usize = 10;
+const NEWTON_STEPS: usize = 50;
+
+/// One answer and what is true.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judgement {
+    /// What was asked for.
+    pub text: String,
+    /// In which view; absent: in the whole map.
+    pub frame: Option<u64>,
+    /// Whether it is there.
+    pub there: bool,
+    /// Whether the server says so.
+    pub present: bool,
+    /// How sure it says it is.
+    pub confidence: f32,
+}
+
+impl Judgement {
+    /// Of an answer about the whole map.
+    pub fn in_space(answer: &Answer, there: bool) -> Self {
+        Self::of(answer, None, there)
+    }
+
+    /// Of an answer about a frame's view.
+    fn in_view(answer: &Answer, frame: u64, there: bool) -> Self {
+        Self::of(answer, Some(frame), there)
+    }
+
+    fn of(answer: &Answer, frame: Option<u64>, there: bool) -> Self {
+        let Answer { text, present, confidence, .. } = answer;
+        let (text, present, confidence) = (text.clone(), *present, *confidence);
+        Self { text, frame, there, present, confidence }
+    }
+
+    /// None of certainty: there was nothing to judge by, or more than the confidence's digits say.
+    fn logit(&self) -> Option<f64> {
+        let confidence = f64::from(self.confidence);
+        let logit = (confidence / (1.0 - confidence)).ln();
+        logit.is_finite().then_some(logit)
+    }
+
+    fn is_right(&self) -> bool {
+        self.present == self.there
+    }
+}
+
+/// Answers whose confidences are alike.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bin {
+    /// How many.
+    pub count: usize,
+    /// Mean of their confidences.
+    pub confidence: f64,
+    /// Share of what is there.
+    pub there: f64,
+}
+
+/// How good confidences are.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reliability {
+    /// Expected calibration error.
+    pub ece: f64,
+    /// Mean of (confidence - there)².
+    pub brier: f64,
+    /// Bins with something in them, by confidence.
+    pub bins: Vec<Bin>,
+}
+
+/// The logistic that fits best: of a manifest's `confidence_steepness` s and `present_threshold` p it makes
+/// s scale and p - offset / (s scale).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fitted {
+    /// A logit times this
+    pub scale: f64,
+    /// plus this would be right.
+    pub offset: f64,
+    /// With these, on the same answers: not on others.
+    pub reliability: Reliability,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Presence {
+    /// Of the asked labels, in the whole map: the share of which the server says that they are there.
+    pub present_accuracy: Option<f64>,
+    /// Of nouns that are not there, in the whole map.
+    pub absent_accuracy: Option<f64>,
+    /// Of labels in views that show them.
+    pub view_present_accuracy: Option<f64>,
+    /// Of nouns that are not there and labels that the view does not show.
+    pub view_absent_accuracy: Option<f64>,
+    /// Of all answers.
+    pub reliability: Reliability,
+    /// What would have been best; absent where all is there or nothing is.
+    pub fitted: Option<Fitted>,
+    /// Every answer.
+    pub judgements: Vec<Judgement>,
+}
+
+/// Asks for nouns that are not there in the whole map, and for them and the labels in some views.
+pub(crate) async fn ask(
+    context: &Context<'_>,
+    truth: &dyn Truth,
+    labels: &[String],
+    frames: &[usize],
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Vec<Judgement>, EvaluateError> {
+    let is_there = |noun: &str| truth.instances().iter().any(|thing| thing.class == noun);
+    let absent: Vec<&str> =
+        ABSENT.into_iter().filter(|noun| !is_there(noun)).take(ABSENT_NOUNS).collect();
+    let mut judgements = Vec::new();
+    for noun in &absent {
+        let answer = context.client.query(context.map, &Question::in_space(noun)).await?;
+        judgements.push(Judgement::in_space(&answer, false));
+    }
+    let views = spread(frames, VIEWS);
+    for (done, &index) in views.iter().enumerate() {
+        on_step(Step::Judging { done, of: views.len() });
+        let (frame, mask) = (context.dataset.sequence(index), truth.mask(index)?);
+        let pixels = |label: &String| {
+            shows(&mask, truth, label).into_iter().filter(|is_shown| *is_shown).count()
+        };
+        // A few pixels are neither there nor not.
+        let labels = labels.iter().map(|label| (label.as_str(), pixels(label)));
+        let clear = labels.filter(|(_, pixels)| *pixels == 0 || *pixels >= LEAST_PIXELS);
+        for (noun, pixels) in clear.chain(absent.iter().map(|noun| (*noun, 0))) {
+            let question = Question::in_frame(noun, frame);
+            let answer = context.client.query(context.map, &question).await?;
+            judgements.push(Judgement::in_view(&answer, frame, pixels > 0));
+        }
+    }
+    on_step(Step::Judging { done: views.len(), of: views.len() });
+    Ok(judgements)
+}
+
+impl Presence {
+    /// Of answers; `labels` are those that count as asked for in the whole map.
+    pub fn of(judgements: Vec<Judgement>, labels: &[String]) -> Self {
+        let accuracy = |test: &dyn Fn(&Judgement) -> bool| {
+            let own = judgements.iter().filter(|one| test(one));
+            mean(own.map(|one| f64::from(u8::from(one.is_right()))))
+        };
+        let in_space = |one: &Judgement| one.frame.is_none();
+        Self {
+            present_accuracy: accuracy(&|one| {
+                in_space(one) && one.there && labels.contains(&one.text)
+            }),
+            absent_accuracy: accuracy(&|one| in_space(one) && !one.there),
+            view_present_accuracy: accuracy(&|one| !in_space(one) && one.there),
+            view_absent_accuracy: accuracy(&|one| !in_space(one) && !one.there),
+            reliability: reliability(
+                judgements.iter().map(|one| (f64::from(one.confidence), one.there)),
+            ),
+            fitted: fitted(&judgements),
+            judgements,
+        }
+    }
+}
+
+/// Of (confidence, whether it is there).
+fn reliability(answers: impl Iterator<Item = (f64, bool)>) -> Reliability {
+    // Count, sum of confidences, how many are there.
+    let mut bins = [(0_usize, 0.0, 0_usize); BINS];
+    let (mut squares, mut all) = (0.0, 0_usize);
+    for (confidence, there) in answers {
+        let bin = &mut bins[((confidence * BINS as f64) as usize).min(BINS - 1)];
+        *bin = (bin.0 + 1, bin.1 + confidence, bin.2 + usize::from(there));
+        squares += (confidence - f64::from(u8::from(there))).powi(2);
+        all += 1;
+    }
+    let bins: Vec<Bin> = bins
+        .into_iter()
+        .filter(|bin| bin.0 > 0)
+        .map(|(count, sum, there)| Bin {
+            count,
+            confidence: sum / count as f64,
+            there: there as f64 / count as f64,
+        })
+        .collect();
+    let off = bins.iter().map(|bin| bin.count as f64 * (bin.confidence - bin.there).abs());
+    let all = all.max(1) as f64;
+    Reliability { ece: off.sum::<f64>() / all, brier: squares / all, bins }
+}
+
+/// The best logistic of the logits; answers without one stay as they are.
+fn fitted(judgements: &[Judgement]) -> Option<Fitted> {
+    let scored: Vec<(f64, bool)> =
+        judgements.iter().filter_map(|one| Some((one.logit()?, one.there))).collect();
+    let (scale, offset) = platt(&scored)?;
+    let confidence = |one: &Judgement| {
+        let better = |logit: f64| 1.0 / (1.0 + (-(scale * logit + offset)).exp());
+        one.logit().map_or(f64::from(one.confidence), better)
+    };
+    let reliability = reliability(judgements.iter().map(|one| (confidence(one), one.there)));
+    Some(Fitted { scale, offset, reliability })
+}
+
+/// (a, b) of 1 / (1 + exp(-(a x + b))); none if one kind is missing or it does not rise.
+fn platt(scored: &[(f64, bool)]) -> Option<(f64, f64)> {
+    let there = scored.iter().filter(|(_, there)| *there).count();
+    let absent = scored.len() - there;
+    if there == 0 || absent == 0 {
+        return None;
+    }
+    // Platt's targets: never quite sure, so that even scores that part cleanly have a finite fit.
+    let (yes, no) = ((there as f64 + 1.0) / (there as f64 + 2.0), 1.0 / (absent as f64 + 2.0));
+    let middle = mean(scored.iter().map(|(x, _)| *x)).unwrap_or_default();
+    let (mut a, mut b) = (0.0, (there as f64 / absent as f64).ln());
+    let loss = |a: f64, b: f64| -> f64 {
+        let term = |&(x, there): &(f64, bool)| {
+            let (z, target) = (a * (x - middle) + b, if there { yes } else { no });
+            // log(1 + exp(z)) - target z, without overflow.
+            z.max(0.0) + (-z.abs()).exp().ln_1p() - target * z
+        };
+        scored.iter().map(term).sum()
+    };
+    for _ in 0..NEWTON_STEPS {
+        let (mut g, mut h) = ([0.0; 2], [1e-12, 0.0, 1e-12]);
+        for &(x, there) in scored {
+            let x = x - middle;
+            let p = 1.0 / (1.0 + (-(a * x + b)).exp());
+            let off = p - if there { yes } else { no };
+            g = [g[0] + off * x, g[1] + off];
+            let w = p * (1.0 - p);
+            h = [h[0] + w * x * x, h[1] + w * x, h[2] + w];
+        }
+        let determinant = h[0] * h[2] - h[1] * h[1];
+        let (da, db) =
+            ((h[2] * g[0] - h[1] * g[1]) / determinant, (h[0] * g[1] - h[1] * g[0]) / determinant);
+        // Halved until it does not make things worse.
+        let mut share = 1.0;
+        while share > 1e-6 && loss(a - share * da, b - share * db) > loss(a, b) {
+            share *= 0.5;
+        }
+        (a, b) = (a - share * da, b - share * db);
+        if (share * da).abs() < 1e-10 * (1.0 + a.abs()) && (share * db).abs() < 1e-10 {
+            break;
+        }
+    }
+    (a > 0.0 && a.is_finite() && b.is_finite()).then_some((a, b - a * middle))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judgement(confidence: f32, there: bool) -> Judgement {
+        let present = confidence >= 0.5;
+        Judgement { text: "sofa".into(), frame: None, there, present, confidence }
+    }
+
+    #[test]
+    fn the_fit_is_that_of_scipy() {
+        // scipy.optimize.minimize (1.17.1, BFGS, then Nelder-Mead) of sum(logaddexp(0, z) - y z) with
+        // z = a x + b, y Platt's targets, x = (i * 37 % 101) / 100, there: sin(5 x^2 + i) + 3 x > 1.7,
+        // i = 0..80.
+        let scored: Vec<(f64, bool)> = (0..80)
+            .map(|i| {
+                let x = f64::from(i * 37 % 101) / 100.0;
+                (x, (5.0 * x * x + f64::from(i)).sin() + 3.0 * x > 1.7)
+            })
+            .collect();
+        let (a, b) = platt(&scored).unwrap();
+        assert!((a - 6.066_464_75).abs() < 1e-5 && (b + 3.374_453_08).abs() < 1e-5, "{a} {b}");
+    }
+
+    #[test]
+    fn scores_that_part_cleanly_have_a_finite_fit_and_contrary_ones_none() {
+        let scored: Vec<(f64, bool)> = (0..20).map(|i| (f64::from(i), i >= 10)).collect();
+        let (a, b) = platt(&scored).unwrap();
+        assert!(a.is_finite() && (-b / a - 9.5).abs() < 0.01, "{a} {b}");
+        let contrary: Vec<(f64, bool)> = scored.iter().map(|(x, there)| (*x, !there)).collect();
+        assert_eq!(platt(&contrary), None);
+        assert_eq!(platt(&scored[..10]), None);
+        assert_eq!(platt(&[]), None);
+    }
+
+    #[test]
+    fn honest_confidences_are_reliable_and_boasts_are_not() {
+        // Seven in ten at 0.7.
+        let honest: Vec<(f64, bool)> = (0..10).map(|i| (0.7, i < 7)).collect();
+        let found = reliability(honest.iter().copied());
+        assert!(found.ece < 1e-9 && (found.brier - 0.21).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.bins.len(), 1);
+        let boasting = reliability(honest.iter().map(|(_, there)| (1.0, *there)));
+        assert!((boasting.ece - 0.3).abs() < 1e-9, "{boasting:?}");
+        assert_eq!(reliability([].into_iter()).bins, []);
+    }
+
+    #[test]
+    fn accuracies_tell_labels_from_the_rest() {
+        let mut judgements =
+            vec![judgement(0.9, true), judgement(0.6, false), judgement(0.0, false)];
+        judgements.push(Judgement { text: "lamp".into(), ..judgement(0.0, true) });
+        judgements.push(Judgement { frame: Some(3), ..judgement(0.0, false) });
+        let presence = Presence::of(judgements, &["sofa".to_owned()]);
+        assert_eq!(presence.present_accuracy, Some(1.0), "the lamp was no label");
+        assert_eq!(presence.absent_accuracy, Some(0.5));
+        assert_eq!(
+            (presence.view_present_accuracy, presence.view_absent_accuracy),
+            (None, Some(1.0))
+        );
+        assert!(presence.fitted.is_some());
+    }
+}

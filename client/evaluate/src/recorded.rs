@@ -1,0 +1,104 @@
+//! A data set that remembers the true poses of the frames that were read, so that they need not be
+//! read or rendered again to be compared with.
+
+use crate::trajectory::StampedPose;
+use lexsplat_client::dataset::{Dataset, DatasetError, Intrinsics, RgbdFrame, Truth};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
+/// A frame that was read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Position in the data set.
+    pub index: usize,
+    /// Its number.
+    pub sequence: u64,
+    /// When it was taken.
+    pub nanos: u64,
+    /// Where, if the data set knows.
+    pub truth: Option<StampedPose>,
+}
+
+/// The data set, with a memory.
+pub struct Recorded {
+    dataset: Arc<dyn Dataset>,
+    seen: Mutex<BTreeMap<usize, Seen>>,
+}
+
+impl Recorded {
+    /// Nothing is read yet.
+    pub fn new(dataset: Arc<dyn Dataset>) -> Self {
+        Self { dataset, seen: Mutex::default() }
+    }
+
+    /// The frames that were read, in order.
+    pub fn seen(&self) -> Vec<Seen> {
+        let seen = self.seen.lock().expect("no thread panics while it holds this");
+        seen.values().copied().collect()
+    }
+}
+
+impl Dataset for Recorded {
+    fn name(&self) -> &str {
+        self.dataset.name()
+    }
+
+    fn len(&self) -> usize {
+        self.dataset.len()
+    }
+
+    fn intrinsics(&self) -> Intrinsics {
+        self.dataset.intrinsics()
+    }
+
+    fn depth_unit_metres(&self) -> f64 {
+        self.dataset.depth_unit_metres()
+    }
+
+    fn sequence(&self, index: usize) -> u64 {
+        self.dataset.sequence(index)
+    }
+
+    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        let frame = self.dataset.frame(index)?;
+        let (sequence, nanos) = (frame.sequence, frame.timestamp_nanos);
+        let truth = frame
+            .world_from_camera
+            .map(|world_from_camera| StampedPose { nanos, world_from_camera });
+        let mut seen = self.seen.lock().expect("no thread panics while it holds this");
+        seen.insert(index, Seen { index, sequence, nanos, truth });
+        Ok(frame)
+    }
+
+    fn skipped(&self) -> &[String] {
+        self.dataset.skipped()
+    }
+
+    fn truth(&self) -> Option<&dyn Truth> {
+        self.dataset.truth()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lexsplat_client::dataset::FrameRange;
+    use lexsplat_synthetic::SyntheticDataset;
+
+    #[test]
+    fn what_was_read_is_remembered_in_order() {
+        let range = FrameRange { end: Some(3), ..FrameRange::default() };
+        let dataset = range.of(Box::new(SyntheticDataset::new(3))).unwrap();
+        let recorded = Recorded::new(Arc::from(dataset));
+        assert!(recorded.seen().is_empty());
+        let frame = recorded.frame(2).unwrap();
+        recorded.frame(0).unwrap();
+        let seen = recorded.seen();
+        assert_eq!(seen.iter().map(|seen| seen.index).collect::<Vec<_>>(), [0, 2]);
+        let truth = seen[1].truth.unwrap();
+        assert_eq!(
+            (truth.nanos, Some(truth.world_from_camera)),
+            (frame.timestamp_nanos, frame.world_from_camera)
+        );
+    }
+}

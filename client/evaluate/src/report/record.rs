@@ -1,0 +1,221 @@
+//! Every number of an evaluation, as it is serialised; a value without ground truth is null.
+
+use super::paper::{PAPER, Paper};
+use crate::language::Language;
+use crate::options::Options;
+use crate::presence::Presence;
+use crate::space::Space;
+use crate::stages::Stage;
+use crate::trajectory::Ate;
+use crate::views::{ViewMeans, ViewScore};
+use crate::words::LanguageScores;
+use lexsplat_client::dataset::Dataset;
+use lexsplat_client::http::{Health, Status};
+use lexsplat_client::stream::{Encoder, Poses, Summary};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+
+/// Every number. Those at the top are the ones to compare runs by.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// The data set's name.
+    pub dataset: String,
+    /// Columns and rows of its frames.
+    pub frame_size: [u32; 2],
+    /// "given" or "estimate".
+    pub poses: &'static str,
+    /// "bundle" (the server's networks) or "oracle" (the true classes' names).
+    pub encoder: &'static str,
+    /// Every so many frames one was only tracked, if so.
+    pub hold_out_every: Option<usize>,
+    /// What the server renders on.
+    pub adapter: String,
+    /// Its networks.
+    pub bundle: String,
+    /// Its version.
+    pub version: String,
+    /// Frames sent.
+    pub frames: u64,
+    /// Of those, with a pose.
+    pub frames_tracked: u64,
+    /// Of those, without.
+    pub frames_lost: u64,
+    /// Of those, refused.
+    pub frames_refused: u64,
+    /// Frames over the time from the stream's opening to the last acknowledgement, language on.
+    pub fps: f64,
+    /// The inverse.
+    pub seconds_per_frame: f64,
+    /// From the last acknowledgement until the map had done its work.
+    pub settle_seconds: f64,
+    /// Streaming and settling over frames.
+    pub seconds_per_frame_settled: f64,
+    /// Keyframes.
+    pub keyframes: u64,
+    /// Gaussians of the settled map.
+    pub gaussians: u64,
+    /// Device memory of the Gaussians.
+    pub gpu_bytes: u64,
+    /// Memory of the keyframes' pictures and codes, the device's too.
+    pub keyframe_bytes: u64,
+    /// The most memory that the server's process had.
+    pub peak_rss_bytes: Option<u64>,
+    /// Of the trajectory after rigid alignment.
+    pub ate_rmse_cm: Option<f64>,
+    /// Of the held-out views.
+    pub psnr_db: Option<f64>,
+    /// Of the held-out views.
+    pub ssim: Option<f64>,
+    /// Of the held-out views, if there was a network for it.
+    pub lpips: Option<f64>,
+    /// Of the held-out views.
+    pub depth_l1_m: Option<f64>,
+    /// At 0.5 with smoothing, mean over frames.
+    pub miou: Option<f64>,
+    /// Peaks in a box of the label.
+    pub loc_accuracy: Option<f64>,
+    /// Of the 3D answers, mean over labels, metres.
+    pub chamfer_m: Option<f64>,
+    /// Of the 3D answers, mean over labels, metres.
+    pub emd_m: Option<f64>,
+    /// Share of absent nouns of which the server says so.
+    pub absent_accuracy: Option<f64>,
+    /// The trajectory in detail.
+    pub ate: Option<Ate>,
+    /// Frames that nothing was optimised for.
+    pub held_out: ViewMeans,
+    /// Frames that the map was optimised for.
+    pub keyframe_views: ViewMeans,
+    /// Words in views.
+    pub language: Option<Language>,
+    /// Words in space.
+    pub space: Option<Space>,
+    /// Words that are there, and that are not.
+    pub presence: Option<Presence>,
+    /// By name, from the stream's opening until the map was settled.
+    pub stages: BTreeMap<String, Stage>,
+    /// The server's settings as TOML, if they are known.
+    pub config: Option<String>,
+    /// What the paper says.
+    pub paper: Paper,
+    /// Every rendered frame.
+    pub views: Vec<ViewScore>,
+}
+
+/// What a report is made of.
+pub(crate) struct Measured<'a> {
+    pub dataset: &'a dyn Dataset,
+    pub options: Options,
+    pub health: Health,
+    pub summary: Summary,
+    pub status: Status,
+    pub settle_seconds: f64,
+    pub peak_rss_bytes: Option<u64>,
+    pub ate: Option<Ate>,
+    pub views: Vec<ViewScore>,
+    pub words: Option<LanguageScores>,
+    pub stages: BTreeMap<String, Stage>,
+}
+
+impl Report {
+    pub(crate) fn new(measured: Measured<'_>) -> Self {
+        let Measured { dataset, summary, status, health, settle_seconds, views, .. } = measured;
+        let camera = dataset.intrinsics();
+        let held_out = ViewMeans::of(views.iter().filter(|view| !view.keyframe));
+        let keyframe_views = ViewMeans::of(views.iter().filter(|view| view.keyframe));
+        let (language, space, presence) = match measured.words {
+            Some(LanguageScores { language, space, presence }) => {
+                (Some(language), Some(space), Some(presence))
+            }
+            None => (None, None, None),
+        };
+        let scene = language.as_ref().map(|language| language.scene);
+        let per_frame = |seconds: f64| seconds / summary.sent.max(1) as f64;
+        Self {
+            dataset: dataset.name().to_owned(),
+            frame_size: [camera.width, camera.height],
+            encoder: match measured.options.encoder {
+                Encoder::Bundle => "bundle",
+                Encoder::Oracle => "oracle",
+            },
+            hold_out_every: measured.options.hold_out_every.map(NonZeroUsize::get),
+            poses: match measured.options.poses {
+                Poses::Given => "given",
+                Poses::Estimate => "estimate",
+            },
+            adapter: health.adapter,
+            bundle: health.bundle,
+            version: health.version,
+            frames: summary.sent,
+            frames_tracked: summary.tracked,
+            frames_lost: summary.lost,
+            frames_refused: summary.refused,
+            fps: summary.frames_per_second,
+            seconds_per_frame: per_frame(summary.seconds),
+            settle_seconds,
+            seconds_per_frame_settled: per_frame(summary.seconds + settle_seconds),
+            keyframes: status.keyframes,
+            gaussians: status.gaussians,
+            gpu_bytes: status.gpu_bytes,
+            keyframe_bytes: status.keyframe_bytes,
+            peak_rss_bytes: measured.peak_rss_bytes,
+            ate_rmse_cm: measured.ate.map(|ate| ate.rmse_cm),
+            psnr_db: held_out.psnr_db,
+            ssim: held_out.ssim,
+            lpips: held_out.lpips,
+            depth_l1_m: held_out.depth_l1_m,
+            miou: scene.map(|scene| scene.miou_paper),
+            loc_accuracy: scene.map(|scene| scene.loc_box),
+            chamfer_m: space.as_ref().and_then(|space| space.means.chamfer_m),
+            emd_m: space.as_ref().and_then(|space| space.means.emd_m),
+            absent_accuracy: presence.as_ref().and_then(|presence| presence.absent_accuracy),
+            ate: measured.ate,
+            held_out,
+            keyframe_views,
+            language,
+            space,
+            presence,
+            stages: measured.stages,
+            config: None,
+            paper: PAPER,
+            views,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::report::example::example_report;
+
+    #[test]
+    fn programs_find_the_names_that_were_promised() {
+        let json = serde_json::to_value(example_report()).unwrap();
+        for name in [
+            "frames",
+            "fps",
+            "seconds_per_frame",
+            "gaussians",
+            "peak_rss_bytes",
+            "ate_rmse_cm",
+            "psnr_db",
+            "ssim",
+            "lpips",
+            "depth_l1_m",
+            "miou",
+            "loc_accuracy",
+            "chamfer_m",
+            "emd_m",
+            "absent_accuracy",
+            "stages",
+        ] {
+            assert!(json.get(name).is_some(), "{name}");
+        }
+        assert_eq!(json["psnr_db"], 22.0);
+        assert!(json["emd_m"].is_null(), "what is not measured is null");
+        assert_eq!(json["language"]["classes"][0]["miou_bundle"], 0.44);
+        assert_eq!(json["chamfer_m"], 0.12);
+        assert_eq!(json["space"]["counts"][0]["there"], 8);
+        assert_eq!(json["stages"]["decode"]["mean_ms"], 10.0);
+    }
+}

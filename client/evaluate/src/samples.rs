@@ -1,0 +1,133 @@
+//! A few pictures to look at: target, render and heat map of the best class in its best frame and the
+//! worst class in its worst, and target and render of the best and the worst held-out view. In: scores. Out: pictures side by side.
+
+use crate::context::{Context, Relevancy};
+use crate::error::EvaluateError;
+use crate::labels::smoothing;
+use crate::language::{LabelScore, Language};
+use crate::overlay;
+use crate::recorded::Seen;
+use crate::views::{ViewScore, color};
+use image::RgbImage;
+use lexsplat_client::npy::Array;
+
+/// A picture with a name.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// For a file, such as `best-class`.
+    pub name: String,
+    /// What is to be seen.
+    pub caption: String,
+    /// Side by side.
+    pub picture: RgbImage,
+}
+
+/// Which way to look for the extreme.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rank {
+    Best,
+    Worst,
+}
+
+impl Rank {
+    const BOTH: [Self; 2] = [Self::Best, Self::Worst];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Best => "best",
+            Self::Worst => "worst",
+        }
+    }
+
+    /// The extreme by a value; of equals the first.
+    fn of<T>(self, items: &[T], value: impl Fn(&T) -> f64) -> Option<&T> {
+        let sign = if self == Self::Best { -1.0 } else { 1.0 };
+        items.iter().min_by(|a, b| (sign * value(a)).total_cmp(&(sign * value(b))))
+    }
+}
+
+/// Fetches the pictures.
+pub(crate) async fn take(
+    context: &Context<'_>,
+    views: &[ViewScore],
+    language: Option<&Language>,
+    seen: &[Seen],
+) -> Result<Vec<Sample>, EvaluateError> {
+    let mut samples = Vec::new();
+    let held_out: Vec<&ViewScore> = views.iter().filter(|view| !view.keyframe).collect();
+    for rank in Rank::BOTH {
+        let Some(view) = rank.of(&held_out, |view| view.psnr_db) else { continue };
+        let (target, render) = pair(context, view.sequence, seen).await?;
+        let words = format!("frame {}: target, render {:.1} dB", view.sequence, view.psnr_db);
+        samples.push(sample(format!("{}-view", rank.name()), words, &[target, render]));
+    }
+    let Some(language) = language else { return Ok(samples) };
+    for rank in Rank::BOTH {
+        let Some(class) = rank.of(&language.classes, |class| class.means.average_precision) else {
+            continue;
+        };
+        let own: Vec<&LabelScore> =
+            language.scores.iter().filter(|score| score.label == class.label).collect();
+        let Some(score) = rank.of(&own, |score| score.average_precision) else { continue };
+        let (target, render) = pair(context, score.sequence, seen).await?;
+        let Relevancy { heatmap, .. } = context.relevancy(&class.label, score.sequence).await?;
+        let smooth = heatmap.smoothed(smoothing(heatmap.width));
+        let shape = vec![smooth.values.len() / smooth.width, smooth.width];
+        let mut heat = overlay::heat(&render, &Array { shape, values: smooth.values.clone() });
+        if let Some((x, y)) = smooth.peak() {
+            overlay::ring(&mut heat, x as f32, y as f32);
+        }
+        let words = format!(
+            "{} in frame {}: target, render, relevancy; AP {:.2}, IoU {:.2} at 0.5, {:.2} at {:.2}",
+            class.label,
+            score.sequence,
+            score.average_precision,
+            score.iou_paper,
+            score.iou_bundle,
+            language.bundle_threshold
+        );
+        samples.push(sample(format!("{}-class", rank.name()), words, &[target, render, heat]));
+    }
+    Ok(samples)
+}
+
+async fn pair(
+    context: &Context<'_>,
+    sequence: u64,
+    seen: &[Seen],
+) -> Result<(RgbImage, RgbImage), EvaluateError> {
+    let found = seen.iter().find(|seen| seen.sequence == sequence);
+    let index = found.expect("only frames that were read are scored").index;
+    let target = color(&context.dataset.frame(index)?)?;
+    Ok((target, context.render(sequence).await?))
+}
+
+fn sample(name: String, caption: String, pictures: &[RgbImage]) -> Sample {
+    let mut row = pictures[0].clone();
+    for picture in &pictures[1..] {
+        row = overlay::beside(&row, picture);
+    }
+    let picture = overlay::captioned(&row, &caption);
+    Sample { name, caption, picture }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_extremes_are_the_first_of_their_kind() {
+        let values = [0.5, 0.9, 0.1, 0.9];
+        assert_eq!(Rank::Best.of(&[], |v: &f64| *v), None);
+        assert!(std::ptr::eq(Rank::Best.of(&values, |v| *v).unwrap(), &values[1]));
+        assert!(std::ptr::eq(Rank::Worst.of(&values, |v| *v).unwrap(), &values[2]));
+    }
+
+    #[test]
+    fn pictures_stand_in_a_row_below_their_words() {
+        let one = RgbImage::new(30, 20);
+        let sample = sample("best".into(), "words".into(), &[one.clone(), one.clone(), one]);
+        assert_eq!(sample.picture.width(), 90);
+        assert!(sample.picture.height() > 20);
+    }
+}

@@ -1,0 +1,44 @@
+//! The trait that every data set implements.
+
+use super::error::DatasetError;
+use super::frame::{Intrinsics, RgbdFrame};
+use super::truth::Truth;
+
+/// A sequence of RGB-D frames of one camera.
+pub trait Dataset: Send + Sync {
+    /// A short name, such as `room7`; the map is called so if no other name is given.
+    fn name(&self) -> &str;
+
+    /// Number of frames.
+    fn len(&self) -> usize;
+
+    /// Whether there are no frames. Opening a folder without frames is an error.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The camera of every frame.
+    fn intrinsics(&self) -> Intrinsics;
+
+    /// Metres per unit of depth.
+    fn depth_unit_metres(&self) -> f64;
+
+    /// The number of frame `index` (below [`Dataset::len`]), without reading it.
+    fn sequence(&self, index: usize) -> u64;
+
+    /// Reads or renders frame `index` (below [`Dataset::len`]).
+    ///
+    /// # Errors
+    /// [`DatasetError`] if a file is missing or damaged.
+    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError>;
+
+    /// Reasons for frames left out when the data set was opened, one line per frame.
+    fn skipped(&self) -> &[String] {
+        &[]
+    }
+
+    /// Ground truth about the objects, if the data set has any.
+    fn truth(&self) -> Option<&dyn Truth> {
+        None
+    }
+}

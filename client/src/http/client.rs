@@ -1,0 +1,308 @@
+//! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
+
+use super::error::HttpError;
+use super::wire::{
+    Answer, Health, HeatmapLink, Keyframe, LabelsLink, PointsLink, Question, Segmentation, Status,
+};
+use crate::npy::{self, Array};
+use reqwest::{RequestBuilder, Response, Url, header};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+/// What a problem document says.
+#[derive(Deserialize)]
+struct Problem {
+    detail: String,
+}
+
+#[derive(Deserialize)]
+struct Frames {
+    frames: Vec<Keyframe>,
+}
+
+/// A server.
+#[derive(Clone, Debug)]
+pub struct HttpClient {
+    base: Url,
+    client: reqwest::Client,
+}
+
+impl HttpClient {
+    /// The server at `HOST:PORT` or `http://HOST:PORT`; connects when first asked.
+    ///
+    /// # Errors
+    /// [`HttpError::Address`].
+    pub fn new(address: &str) -> Result<Self, HttpError> {
+        let wrong = || HttpError::Address { found: address.into() };
+        let bare = address.strip_prefix("http://").unwrap_or(address);
+        let base = Url::parse(&format!("http://{bare}")).map_err(|_| wrong())?;
+        // A proxy for the outer world knows nothing of robots.
+        let client = reqwest::Client::builder().no_proxy().build().map_err(|_| wrong())?;
+        Ok(Self { base, client })
+    }
+
+    /// `HOST:PORT`.
+    pub fn address(&self) -> String {
+        self.base.authority().to_owned()
+    }
+
+    /// The map in numbers.
+    ///
+    /// # Errors
+    /// Every [`HttpError`] but `Address`; so it is for all that ask.
+    pub async fn status(&self, map: &str) -> Result<Status, HttpError> {
+        self.json(self.client.get(self.url(map, &[]))).await
+    }
+
+    /// The server's adapter and networks.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn health(&self) -> Result<Health, HttpError> {
+        self.json(self.client.get(self.path(&["healthz"]))).await
+    }
+
+    /// The server's numbers as Prometheus text.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn metrics(&self) -> Result<String, HttpError> {
+        let bytes = self.bytes(self.client.get(self.path(&["metrics"]))).await?;
+        String::from_utf8(bytes).map_err(|error| self.broken(error.to_string()))
+    }
+
+    /// The map's keyframes.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn frames(&self, map: &str) -> Result<Vec<Keyframe>, HttpError> {
+        let frames: Frames = self.json(self.client.get(self.url(map, &["frames"]))).await?;
+        Ok(frames.frames)
+    }
+
+    /// Asks.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn query(&self, map: &str, question: &Question) -> Result<Answer, HttpError> {
+        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+    }
+
+    /// Asks with several texts.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn segment(&self, map: &str, question: &Question) -> Result<Segmentation, HttpError> {
+        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+    }
+
+    /// The labels of a view's pixels: a PNG with a palette, or `accept` another kind.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn labels(&self, link: &LabelsLink, accept: &str) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, accept).await
+    }
+
+    /// Deletes a map.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn delete(&self, map: &str) -> Result<(), HttpError> {
+        self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
+    }
+
+    /// The relevancies `[height, width]` of an answer's heat map, and the file that they came in.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn heatmap(&self, link: &HeatmapLink) -> Result<(Array, Vec<u8>), HttpError> {
+        let file = self.linked(&link.url, "application/x-npy").await?;
+        let array = npy::read(&file).map_err(|error| self.broken(error.to_string()))?;
+        let expected = [link.height as usize, link.width as usize];
+        if array.shape != expected {
+            let reason = format!("heat map: expected shape {expected:?}, found {:?}", array.shape);
+            return Err(self.broken(reason));
+        }
+        Ok((array, file))
+    }
+
+    /// An answer's heat map as PNG.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn heatmap_png(&self, link: &HeatmapLink) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, "image/png").await
+    }
+
+    /// An answer's points (x, y, z, score) as PLY.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn points_ply(&self, link: &PointsLink) -> Result<Vec<u8>, HttpError> {
+        self.linked(&link.url, "application/octet-stream").await
+    }
+
+    /// An answer's points, `[count, 4]`: x, y, z in metres of the map's world, score.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn points(&self, link: &PointsLink) -> Result<Array, HttpError> {
+        let file = self.linked(&link.url, "application/x-npy").await?;
+        let array = npy::read(&file).map_err(|error| self.broken(error.to_string()))?;
+        if array.shape != [link.count, 4] {
+            let (count, shape) = (link.count, array.shape);
+            return Err(
+                self.broken(format!("points: expected shape [{count}, 4], found {shape:?}"))
+            );
+        }
+        Ok(array)
+    }
+
+    /// What the map looks like from a tracked frame, as PNG.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn render_png(&self, map: &str, sequence: u64) -> Result<Vec<u8>, HttpError> {
+        let frame = sequence.to_string();
+        self.bytes(self.client.get(self.url(map, &["render"])).query(&[("frame", frame)])).await
+    }
+
+    /// The depth that the map shows from a tracked frame, `[height, width]` metres, 0 where nothing is.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn render_depth(&self, map: &str, sequence: u64) -> Result<Array, HttpError> {
+        let frame = sequence.to_string();
+        let options = [("frame", frame.as_str()), ("channel", "depth")];
+        let request = self.client.get(self.url(map, &["render"])).query(&options);
+        let file = self.bytes(request.header(header::ACCEPT, "application/x-npy")).await?;
+        npy::read(&file).map_err(|error| self.broken(error.to_string()))
+    }
+
+    /// Every tracked frame's pose as TUM text.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn trajectory(&self, map: &str) -> Result<Vec<u8>, HttpError> {
+        self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
+    }
+
+    /// The map as a file such as `splats.ply`, with options such as `voxel`; `progress` hears bytes so far and in all, if known.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn export(
+        &self,
+        map: &str,
+        file: &str,
+        options: &[(&str, String)],
+        mut progress: impl FnMut(u64, Option<u64>),
+    ) -> Result<Vec<u8>, HttpError> {
+        let request = self.client.get(self.url(map, &["export", file])).query(options);
+        let mut response = self.send(request).await?;
+        let total = response.content_length();
+        let mut bytes = Vec::new();
+        while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {
+            bytes.extend_from_slice(&chunk);
+            progress(bytes.len() as u64, total);
+        }
+        Ok(bytes)
+    }
+
+    fn url(&self, map: &str, rest: &[&str]) -> Url {
+        self.path(&[&["v1", "maps", map], rest].concat())
+    }
+
+    fn path(&self, segments: &[&str]) -> Url {
+        let mut url = self.base.clone();
+        url.path_segments_mut().expect("an http address has a path").extend(segments);
+        url
+    }
+
+    async fn linked(&self, path: &str, accept: &str) -> Result<Vec<u8>, HttpError> {
+        let url = self.base.join(path).map_err(|error| self.broken(error.to_string()))?;
+        self.bytes(self.client.get(url).header(header::ACCEPT, accept)).await
+    }
+
+    async fn json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, HttpError> {
+        let bytes = self.bytes(request).await?;
+        serde_json::from_slice(&bytes).map_err(|error| self.broken(error.to_string()))
+    }
+
+    async fn bytes(&self, request: RequestBuilder) -> Result<Vec<u8>, HttpError> {
+        let response = self.send(request).await?;
+        Ok(response.bytes().await.map_err(|error| self.lost(&error))?.into())
+    }
+
+    async fn send(&self, request: RequestBuilder) -> Result<Response, HttpError> {
+        let response = request.send().await.map_err(|error| self.lost(&error))?;
+        let status = response.status();
+        if status.is_success() {
+            return Ok(response);
+        }
+        let body = response.bytes().await.map_err(|error| self.lost(&error))?;
+        Err(HttpError::Refused { status: status.as_u16(), detail: detail(&body, status.as_str()) })
+    }
+
+    fn lost(&self, error: &reqwest::Error) -> HttpError {
+        if error.is_connect() {
+            return HttpError::NoServer { address: self.address() };
+        }
+        self.broken(innermost(error))
+    }
+
+    fn broken(&self, reason: String) -> HttpError {
+        HttpError::Broken { address: self.address(), reason }
+    }
+}
+
+/// What a refusal says, on one line.
+fn detail(body: &[u8], status: &str) -> String {
+    match serde_json::from_slice::<Problem>(body) {
+        Ok(problem) => problem.detail.replace('\n', " "),
+        Err(_) => format!("the server answered with status {status} and no reason"),
+    }
+}
+
+fn innermost(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(deeper) = cause.source() {
+        cause = deeper;
+    }
+    cause.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_come_bare_or_whole_and_names_are_escaped() {
+        for address in ["127.0.0.1:8080", "http://127.0.0.1:8080"] {
+            let client = HttpClient::new(address).unwrap();
+            assert_eq!(client.address(), "127.0.0.1:8080");
+            let url = client.url("a/b c", &["frames"]);
+            assert_eq!(url.as_str(), "http://127.0.0.1:8080/v1/maps/a%2Fb%20c/frames");
+        }
+        let error = HttpClient::new("127.0.0.1:http").unwrap_err();
+        assert!(error.to_string().contains("127.0.0.1:http"), "{error}");
+    }
+
+    #[test]
+    fn refusals_are_one_line() {
+        let body = br#"{"title":"Bad Request","status":400,"detail":"no map\n\"x\""}"#;
+        assert_eq!(detail(body, "400"), "no map \"x\"");
+        assert!(detail(b"<html>", "502").contains("502"));
+    }
+
+    #[tokio::test]
+    async fn nobody_there_says_what_to_start() {
+        // A port that was free a moment ago.
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let client = HttpClient::new(&format!("127.0.0.1:{port}")).unwrap();
+        let error = client.status("kitchen").await.unwrap_err();
+        assert!(matches!(error, HttpError::NoServer { .. }), "{error}");
+        assert!(error.to_string().contains("start lexsplat-server"));
+    }
+}

@@ -1,0 +1,46 @@
+//! Errors of the HTTP interface; each message is one line.
+
+/// A request that got no usable answer.
+#[derive(Debug, thiserror::Error)]
+pub enum HttpError {
+    /// The address cannot be parsed.
+    #[error("http address: expected HOST:PORT, found {found:?}")]
+    Address {
+        /// The text that was given.
+        found: String,
+    },
+    /// Nothing listens at the address.
+    #[error("no server at {address}: start lexsplat-server, or name another one with --http")]
+    NoServer {
+        /// The address, `HOST:PORT`.
+        address: String,
+    },
+    /// The server answered with an error status.
+    #[error("{detail}")]
+    Refused {
+        /// HTTP status code.
+        status: u16,
+        /// The server's message: what was expected and what was found.
+        detail: String,
+    },
+    /// The map has failed and takes no more frames.
+    #[error("the map failed: {reason}")]
+    MapFailed {
+        /// The reason in the map's status.
+        reason: String,
+    },
+    /// The map stopped making progress before it was settled.
+    #[error("the map has not changed for {seconds} s and is not settled")]
+    Stalled {
+        /// Seconds without a new revision.
+        seconds: u64,
+    },
+    /// The connection broke, or the answer is malformed.
+    #[error("{address} answered badly: {reason}")]
+    Broken {
+        /// The server's address.
+        address: String,
+        /// What is wrong.
+        reason: String,
+    },
+}

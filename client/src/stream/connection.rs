@@ -1,0 +1,183 @@
+//! One gRPC stream of frames into one map.
+//!
+//! [`FrameStream::open`] connects and creates the map or resumes it. Frames go in through
+//! [`FrameSender`]; the server acknowledges each one through [`Acks`]. The stream ends when every
+//! sender is dropped and the last frame is acknowledged.
+
+use super::error::ClientError;
+use super::options::{Encoder, Poses, StreamOptions};
+use crate::dataset::{Dataset, Instance, Intrinsics, RgbdFrame};
+use lexsplat_proto::v1::mapping_client::MappingClient;
+use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
+use nalgebra::Isometry3;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::Streaming;
+use tonic::transport::{Channel, Endpoint};
+
+const CONNECT_WITHIN: Duration = Duration::from_secs(5);
+
+/// The map that a stream creates or resumes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapSpec {
+    /// The map's name.
+    pub map: String,
+    /// The camera of every frame.
+    pub intrinsics: Intrinsics,
+    /// Metres per unit of depth.
+    pub depth_unit_metres: f64,
+    /// Where poses come from.
+    pub poses: Poses,
+    /// The text of each label from 1 on, if frames carry labels; else empty.
+    pub label_texts: Vec<String>,
+}
+
+impl MapSpec {
+    /// The map of a data set.
+    pub(super) fn of(dataset: &dyn Dataset, options: &StreamOptions) -> Self {
+        Self {
+            map: options.map.clone(),
+            intrinsics: dataset.intrinsics(),
+            depth_unit_metres: dataset.depth_unit_metres(),
+            poses: options.poses,
+            label_texts: match (options.encoder, dataset.truth()) {
+                (Encoder::Oracle, Some(truth)) => label_texts(truth.instances()),
+                _ => Vec::new(),
+            },
+        }
+    }
+}
+
+/// An open stream.
+#[derive(Debug)]
+pub struct FrameStream {
+    /// Where frames go in.
+    pub frames: FrameSender,
+    /// Where acknowledgements come out, one for each frame.
+    pub acks: Acks,
+    /// The answer to the opening: `received_through` and `durable_through` say which frames the
+    /// map has already.
+    pub opened: FrameAck,
+}
+
+impl FrameStream {
+    /// Connects to the server at `HOST:PORT` and opens the map; at most `queue` frames wait to be
+    /// sent.
+    ///
+    /// # Errors
+    /// [`ClientError`] if the address is wrong, nobody listens or the server refuses the map.
+    pub async fn open(grpc: &str, spec: MapSpec, queue: usize) -> Result<Self, ClientError> {
+        let (sender, outbound) = mpsc::channel(queue);
+        let mut client = connect(grpc).await?;
+        let open = FrameMessage { message: Some(Message::Open(wire_spec(spec))) };
+        sender.try_send(open).expect("the queue is new and holds a message");
+        let failed = |status| ClientError::of_status(status, grpc);
+        let call = client.stream_frames(ReceiverStream::new(outbound)).await;
+        let mut acks = Acks { acks: call.map_err(failed)?.into_inner(), address: grpc.to_owned() };
+        let opened = acks
+            .next()
+            .await?
+            .filter(|ack| ack.status() == FrameStatus::Opened)
+            .ok_or_else(|| ClientError::unanswered(grpc))?;
+        Ok(Self { frames: FrameSender(sender), acks, opened })
+    }
+}
+
+/// Sends the frames of an open stream.
+#[derive(Clone, Debug)]
+pub struct FrameSender(mpsc::Sender<FrameMessage>);
+
+impl FrameSender {
+    /// Sends a frame, waiting while the queue is full. Returns false if the stream has ended: the
+    /// reason comes out of [`Acks::next`].
+    pub async fn send(&self, frame: RgbdFrame) -> bool {
+        self.0.send(message(wire_frame(frame))).await.is_ok()
+    }
+
+    /// The same from a thread that may block.
+    pub(super) fn blocking_send(&self, frame: v1::Frame) -> bool {
+        self.0.blocking_send(message(frame)).is_ok()
+    }
+}
+
+fn message(frame: v1::Frame) -> FrameMessage {
+    FrameMessage { message: Some(Message::Frame(frame)) }
+}
+
+/// The acknowledgements of an open stream.
+#[derive(Debug)]
+pub struct Acks {
+    acks: Streaming<FrameAck>,
+    address: String,
+}
+
+impl Acks {
+    /// The next acknowledgement; none after the last.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] and [`ClientError::Broken`].
+    pub async fn next(&mut self) -> Result<Option<FrameAck>, ClientError> {
+        let failed = |status| ClientError::of_status(status, &self.address);
+        self.acks.message().await.map_err(failed)
+    }
+}
+
+/// A client of the server at `HOST:PORT`.
+async fn connect(address: &str) -> Result<MappingClient<Channel>, ClientError> {
+    let bad = || ClientError::Address { found: address.into() };
+    let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
+    port.parse::<u16>().map_err(|_| bad())?;
+    let uri = if address.contains("://") { address.into() } else { format!("http://{address}") };
+    let endpoint = Endpoint::from_shared(uri).map_err(|_| bad())?.connect_timeout(CONNECT_WITHIN);
+    let channel = endpoint.connect().await;
+    Ok(MappingClient::new(channel.map_err(|_| ClientError::NoServer { address: address.into() })?))
+}
+
+fn wire_spec(spec: MapSpec) -> v1::OpenMap {
+    let Intrinsics { width, height, fx, fy, cx, cy } = spec.intrinsics;
+    let pose_source = match spec.poses {
+        Poses::Given => v1::PoseSource::Given,
+        Poses::Estimate => v1::PoseSource::Estimated,
+    };
+    v1::OpenMap {
+        map: spec.map,
+        intrinsics: Some(v1::Intrinsics { width, height, fx, fy, cx, cy }),
+        depth_unit_metres: spec.depth_unit_metres,
+        pose_source: pose_source.into(),
+        label_texts: spec.label_texts,
+    }
+}
+
+/// The class of each instance id from 1 on: the masks' ids are the labels.
+fn label_texts(instances: &[Instance]) -> Vec<String> {
+    let most = instances.iter().map(|thing| usize::from(thing.id)).max().unwrap_or_default();
+    let mut texts = vec![String::new(); most];
+    for thing in instances.iter().filter(|thing| thing.id > 0) {
+        texts[usize::from(thing.id) - 1].clone_from(&thing.class);
+    }
+    texts
+}
+
+/// A frame as a message of the protocol, without labels.
+pub(super) fn wire_frame(frame: RgbdFrame) -> v1::Frame {
+    v1::Frame {
+        sequence: frame.sequence,
+        timestamp_nanos: frame.timestamp_nanos,
+        color_format: frame.color.format.into(),
+        color: frame.color.bytes.into(),
+        depth_format: frame.depth.format.into(),
+        depth: frame.depth.bytes.into(),
+        world_from_camera: frame.world_from_camera.as_ref().map(wire_pose),
+        pose_covariance: Vec::new(),
+        ..v1::Frame::default()
+    }
+}
+
+fn wire_pose(target_from_source: &Isometry3<f64>) -> v1::Pose {
+    let (q, t) = (target_from_source.rotation, target_from_source.translation);
+    v1::Pose {
+        rotation: Some(v1::Quaternion { w: q.w, x: q.i, y: q.j, z: q.k }),
+        translation_metres: Some(v1::Vector3 { x: t.x, y: t.y, z: t.z }),
+    }
+}

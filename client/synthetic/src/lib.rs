@@ -1,0 +1,35 @@
+//! A **synthetic** furnished room: made from a seed, rendered on the CPU, with exact depth, instance
+//! masks and poses.
+//!
+//! [`Room::render`] gives views in memory, [`write()`] a folder in Replica layout and
+//! [`SyntheticDataset`] a data set to stream. World: metres, z up, origin on the floor in the middle
+//! of the room. The same seed gives the same bytes.
+
+mod bvh;
+mod camera;
+mod dataset;
+mod dice;
+mod furniture;
+mod layout;
+mod light;
+mod material;
+mod mesh;
+mod noise;
+mod path;
+mod places;
+mod prints;
+mod render;
+mod room;
+mod scene;
+mod shapes;
+mod surface;
+mod vector;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+pub use camera::{Camera, View};
+pub use dataset::SyntheticDataset;
+pub use room::{Instance, Room, STRUCTURE};
+pub use write::{Plan, WriteError, depth_png, jpeg, mask_png, write};

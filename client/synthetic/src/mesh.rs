@@ -1,0 +1,152 @@
+//! The scene as patches. A patch is a surface f(u, v) over the unit square: a grid of triangles to
+//! hit and a grid of light texels to bake. In: shape functions in an object's own frame (metres);
+//! out: [`Mesh`] in the world. It knows nothing of cameras or colors beyond carrying materials.
+
+use crate::material::Material;
+use crate::vector::{Placement, V3};
+
+/// What a ray needs to know of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Triangle {
+    pub corner: V3,
+    pub edge1: V3,
+    pub edge2: V3,
+}
+
+/// What shading needs to know of a triangle: its patch, and (u, v) and unit normals at the corners.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Facet {
+    pub patch: u32,
+    pub uv: [[f32; 2]; 3],
+    pub normals: [V3; 3],
+}
+
+impl Facet {
+    /// (u, v) at barycentric weights of the second and third corner.
+    #[inline(always)]
+    pub fn uv_at(&self, b1: f32, b2: f32) -> [f32; 2] {
+        let b0 = 1.0 - b1 - b2;
+        let [a, b, c] = self.uv;
+        [a[0] * b0 + b[0] * b1 + c[0] * b2, a[1] * b0 + b[1] * b1 + c[1] * b2]
+    }
+
+    /// Interpolated normal, unit length.
+    #[inline(always)]
+    pub fn normal_at(&self, b1: f32, b2: f32) -> V3 {
+        (self.normals[0] * (1.0 - b1 - b2) + self.normals[1] * b1 + self.normals[2] * b2).unit()
+    }
+}
+
+/// One surface: who it belongs to, what it is made of, and its light grid.
+#[derive(Clone, Debug)]
+pub(crate) struct Patch {
+    /// Instance id, 1-based.
+    pub instance: u8,
+    pub material: Material,
+    /// Size of the unit square in metres, for textures with a physical scale.
+    pub metres: [f32; 2],
+    /// `world_from_object`, for solid textures.
+    pub placement: Placement,
+    /// Columns and rows of the light grid; texels lie on the corners of its cells.
+    pub light: [usize; 2],
+    /// World position and unit normal of every texel, row by row.
+    pub texels: Vec<(V3, V3)>,
+}
+
+/// All triangles of the scene; `triangles[i]` and `facets[i]` belong together.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mesh {
+    pub triangles: Vec<Triangle>,
+    pub facets: Vec<Facet>,
+    pub patches: Vec<Patch>,
+}
+
+/// Where a patch is sampled: grid lines for triangles, the light grid, and its size.
+#[derive(Clone, Debug)]
+pub(crate) struct Grid {
+    pub us: Vec<f32>,
+    pub vs: Vec<f32>,
+    pub light: [usize; 2],
+    pub metres: [f32; 2],
+}
+
+/// Spacing of light texels on ordinary surfaces, metres.
+const TEXEL: f32 = 0.06;
+
+impl Grid {
+    /// Evenly spaced grid lines, light texels about [`TEXEL`] apart.
+    pub fn even(nu: usize, nv: usize, metres: [f32; 2]) -> Self {
+        let lines = |n: usize| (0..=n).map(|i| i as f32 / n as f32).collect();
+        Self { us: lines(nu), vs: lines(nv), light: light_grid(metres, TEXEL), metres }
+    }
+}
+
+/// Columns and rows of a light grid with texels at most `texel` metres apart.
+pub(crate) fn light_grid(metres: [f32; 2], texel: f32) -> [usize; 2] {
+    metres.map(|m| (m / texel).ceil().clamp(1.0, 160.0) as usize + 1)
+}
+
+impl Mesh {
+    /// Adds the surface `shape(u, v) -> (position, normal)` given in the object's frame.
+    pub fn add(&mut self, grid: &Grid, mut patch: Patch, shape: impl Fn(f32, f32) -> (V3, V3)) {
+        let placement = patch.placement;
+        let place = |u: f32, v: f32| {
+            let (p, n) = shape(u, v);
+            (placement.point(p), placement.turn(n).unit())
+        };
+        let index = self.patches.len() as u32;
+        let columns = grid.us.len();
+        let corners: Vec<_> = grid
+            .vs
+            .iter()
+            .flat_map(|&v| grid.us.iter().map(move |&u| (u, v)))
+            .map(|(u, v)| (place(u, v), [u, v]))
+            .collect();
+        for row in 0..grid.vs.len() - 1 {
+            for column in 0..columns - 1 {
+                let a = row * columns + column;
+                let (b, c, d) = (a + 1, a + columns + 1, a + columns);
+                for [i, j, k] in [[a, b, c], [a, c, d]] {
+                    self.triangle(index, [corners[i], corners[j], corners[k]]);
+                }
+            }
+        }
+        let [columns, rows] = grid.light;
+        let even = |i: usize, n: usize| i as f32 / (n - 1) as f32;
+        patch.texels = (0..rows)
+            .flat_map(|r| (0..columns).map(move |c| (even(c, columns), even(r, rows))))
+            .map(|(u, v)| place(u, v))
+            .collect();
+        self.patches.push(patch);
+    }
+
+    fn triangle(&mut self, patch: u32, corners: [((V3, V3), [f32; 2]); 3]) {
+        let [((a, _), _), ((b, _), _), ((c, _), _)] = corners;
+        let (edge1, edge2) = (b - a, c - a);
+        if edge1.cross(edge2).length() < 1e-12 {
+            return;
+        }
+        self.triangles.push(Triangle { corner: a, edge1, edge2 });
+        self.facets.push(Facet {
+            patch,
+            uv: corners.map(|(_, uv)| uv),
+            normals: corners.map(|((_, n), _)| n),
+        });
+    }
+
+    /// Smallest and largest corner of the triangles of one instance.
+    pub fn bounds(&self, instance: u8) -> (V3, V3) {
+        let mut low = V3 { x: f32::MAX, y: f32::MAX, z: f32::MAX };
+        let mut high = -low;
+        for (triangle, facet) in self.triangles.iter().zip(&self.facets) {
+            if self.patches[facet.patch as usize].instance == instance {
+                let a = triangle.corner;
+                for p in [a, a + triangle.edge1, a + triangle.edge2] {
+                    low = low.min(p);
+                    high = high.max(p);
+                }
+            }
+        }
+        (low, high)
+    }
+}
