@@ -1,52 +1,28 @@
 #![doc = include_str!("../README.md")]
 
-pub mod adam;
-pub mod align;
-pub mod blend;
-pub mod buffer;
-mod camera;
-pub mod densify;
-mod device;
-mod error;
-pub mod gather;
-mod gaussians;
-mod gradients;
-pub mod kernel;
-pub mod layout;
-pub mod loss;
-pub mod morton;
-pub mod oracle;
-pub mod order;
-mod pass;
-mod profile;
-pub mod project;
-pub mod pyramid;
-pub mod reduce;
-mod render;
-pub mod scan;
+mod adapter;
+pub mod device;
+pub mod map;
+pub mod pass;
+pub mod primitives;
 pub mod shader;
-pub mod sort;
-mod step;
-pub mod tally;
-mod target;
-pub mod ties;
-pub mod tiles;
-pub mod tiling;
+pub mod track;
+pub mod train;
 
-pub use adam::{HeadRates, LearningRates};
-pub use align::{AlignSettings, Aligned, Aligner, Estimate, NormalSystem, Schedule};
-pub use camera::Camera;
-pub use densify::{DensifyCounts, DensifyRules};
-pub use device::{AdapterReport, Gpu, SOFTWARE_SUBGROUP, Tier};
-pub use error::GpuError;
-pub use gaussians::{
-    Gaussians, Head, HostGaussians, HostHead, MAX_CHANNELS, Parameters, Statistics,
+pub use adapter::{AdapterReport, selftest};
+pub use device::{Buffer, Gpu, GpuError, KernelTime, SOFTWARE_SUBGROUP, Tier};
+pub use map::densify::{DensifyCounts, DensifyRules};
+pub use map::{
+    Gaussians, Head, HeadKind, HostGaussians, HostHead, MAX_CHANNELS, Parameters, Statistics,
 };
-pub use gradients::HeadGradient;
-pub use loss::{LossWeights, Losses};
-pub use profile::KernelTime;
-pub use pyramid::{Pyramid, Pyramids};
-pub use render::{ColorImage, Contribution, Drawn, LanguageImage, Renderer, Workload};
-pub use step::{StepReport, TrainingView};
-pub use target::{ColorTarget, LanguageTarget};
-pub use ties::Ties;
+pub use pass::{
+    Camera, ColorImage, Contribution, Drawn, HeadGradient, LanguageImage, Renderer, Workload,
+};
+pub use shader::{Kernel, Recorder};
+pub use track::align::{AlignSettings, Aligned, Aligner, Estimate, NormalSystem, Schedule};
+pub use track::pyramid::{Pyramid, Pyramids};
+pub use track::{align, pyramid};
+pub use train::adam::{HeadRates, LearningRates};
+pub use train::loss::{LossWeights, Losses};
+pub use train::ties::Ties;
+pub use train::{ColorTarget, LanguageTarget, StepReport, Trainer, TrainingView};

@@ -1,10 +1,8 @@
 //! The adapter's ceiling: a loop that only evaluates and blends.
 
-use lexsplat_gpu::buffer::Buffer;
-use lexsplat_gpu::kernel::{Kernel, Recorder};
-use lexsplat_gpu::layout::{ArrayArguments, Row, Splat};
-use lexsplat_gpu::shader::{Access, Constant, GRID, Shader, TILE};
-use lexsplat_gpu::{Gpu, GpuError};
+use lexsplat_gpu::shader::layout::{ArrayArguments, Row, Splat};
+use lexsplat_gpu::shader::{Access, Constant, GRID, Shader, TILE, Tiling};
+use lexsplat_gpu::{Buffer, Gpu, GpuError, Kernel, Recorder};
 
 use crate::best;
 
@@ -15,7 +13,7 @@ const DEPTH: usize = 256;
 
 /// Gaussians evaluated and blended at pixels, per second.
 pub fn rate(gpu: &Gpu) -> Result<f64, GpuError> {
-    let tiling = gpu.tiling();
+    let tiling = Tiling::of(gpu.tier());
     let [width, height] = tiling.size();
     let tile_pixels = (width * height) as usize;
     let tiles = PIXELS / tile_pixels;

@@ -10,6 +10,7 @@ mod views;
 
 use std::time::{Duration, Instant};
 
+use lexsplat_gpu::shader::Tiling;
 use lexsplat_gpu::{Gpu, GpuError};
 
 fn main() -> Result<(), GpuError> {
@@ -21,7 +22,7 @@ fn main() -> Result<(), GpuError> {
     println!(
         "ceiling: {:.2} G evaluations/s, tiles of {:?} pixels",
         ceiling / 1e9,
-        gpu.tiling().size()
+        Tiling::of(gpu.tier()).size()
     );
     if wanted("views") {
         views::by_view(&gpu, ceiling)?;

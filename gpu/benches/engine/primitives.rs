@@ -1,9 +1,7 @@
 //! Sort and scan by number of keys.
 
-use lexsplat_gpu::buffer::Buffer;
-use lexsplat_gpu::kernel::Recorder;
-use lexsplat_gpu::sort::Sort;
-use lexsplat_gpu::{Gpu, GpuError};
+use lexsplat_gpu::primitives::sort::{Sort, SortShape};
+use lexsplat_gpu::{Buffer, Gpu, GpuError, Recorder};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -12,7 +10,7 @@ use crate::{best, ms};
 /// Prints a table.
 pub fn print(gpu: &Gpu) -> Result<(), GpuError> {
     let sort = Sort::new(gpu)?;
-    println!("\nsort of u32 keys with payload, scan of u32, ms ({:?})", gpu.sort_shape());
+    println!("\nsort of u32 keys with payload, scan of u32, ms ({:?})", SortShape::of(gpu.tier()));
     println!("{:>10} {:>9} {:>9} {:>9} {:>12}", "keys", "28 bits", "12 bits", "scan", "M keys/s");
     for len in [10_000, 100_000, 1_000_000, 10_000_000, 20_000_000] {
         let rng = &mut ChaCha8Rng::seed_from_u64(1);

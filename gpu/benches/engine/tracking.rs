@@ -1,8 +1,8 @@
 //! What the tracker needs per frame.
 
-use lexsplat_gpu::kernel::Recorder;
 use lexsplat_gpu::{
-    AlignSettings, Aligner, Estimate, Gaussians, Gpu, GpuError, Pyramids, Renderer, Schedule,
+    AlignSettings, Aligner, Estimate, Gaussians, Gpu, GpuError, Pyramids, Recorder, Renderer,
+    Schedule,
 };
 
 use crate::{best, ms, scene};

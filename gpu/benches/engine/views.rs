@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use lexsplat_gpu::{
     ColorTarget, Gaussians, Gpu, GpuError, KernelTime, LanguageTarget, LearningRates, LossWeights,
-    Renderer, TrainingView,
+    Trainer, TrainingView,
 };
 
 use crate::{best, ms, scene};
@@ -28,7 +28,7 @@ const STAGES: [(&str, &[&str]); 7] = [
 /// A map and something to learn from.
 struct Bench {
     gaussians: Gaussians,
-    renderer: Renderer,
+    trainer: Trainer,
     camera: lexsplat_gpu::Camera,
     labels: lexsplat_gpu::Camera,
     color: ColorTarget,
@@ -51,7 +51,7 @@ impl Bench {
         let target = vec![0.5; codes * labels.pixels()];
         Ok(Self {
             gaussians,
-            renderer: Renderer::new(gpu, codes)?,
+            trainer: Trainer::new(gpu, codes)?,
             color: ColorTarget::new(gpu, (width, height), &rgb, &vec![2.5; pixels])?,
             language: LanguageTarget::new(gpu, labels.width, labels.height, codes, &target)?,
             camera,
@@ -60,11 +60,11 @@ impl Bench {
     }
 
     fn draw(&mut self) -> Result<(), GpuError> {
-        self.renderer.draw_color(&self.gaussians, &self.camera).map(drop)
+        self.trainer.renderer().draw_color(&self.gaussians, &self.camera).map(drop)
     }
 
     fn draw_language(&mut self) -> Result<(), GpuError> {
-        self.renderer.render_language(&self.gaussians, &self.labels).map(drop)
+        self.trainer.renderer().render_language(&self.gaussians, &self.labels).map(drop)
     }
 
     /// Takes [`STEPS`] steps and returns the shortest time that one took on the host.
@@ -79,12 +79,12 @@ impl Bench {
         let mut host = Duration::MAX;
         for step in 0..STEPS {
             let start = Instant::now();
-            self.renderer.step(&mut self.gaussians, &view, &weights, &rates)?;
+            self.trainer.step(&mut self.gaussians, &view, &weights, &rates)?;
             if step < 2 {
                 host = host.min(start.elapsed());
             }
         }
-        self.renderer.settle(&mut self.gaussians)?;
+        self.trainer.settle(&mut self.gaussians)?;
         Ok(host)
     }
 }
@@ -119,7 +119,7 @@ pub fn by_view(gpu: &Gpu, ceiling: f64) -> Result<(), GpuError> {
 
 fn view(gpu: &Gpu, size: (u32, u32), n: usize, ceiling: f64) -> Result<(), GpuError> {
     let mut bench = Bench::new(gpu, size, n, CHANNELS)?;
-    let work = bench.renderer.workload(&bench.gaussians, &bench.camera)?;
+    let work = bench.trainer.renderer().workload(&bench.gaussians, &bench.camera)?;
     let forward = best(5, || bench.draw())?;
     gpu.start_profile();
     bench.draw()?;
@@ -140,7 +140,7 @@ fn view(gpu: &Gpu, size: (u32, u32), n: usize, ceiling: f64) -> Result<(), GpuEr
     let color = best(4, || bench.steps(true, false).map(|time| host = host.min(time)))?;
     let both = best(4, || bench.steps(true, true).map(drop))?;
     let backward = color.as_secs_f64() / f64::from(STEPS) - forward.as_secs_f64();
-    let bytes = bench.gaussians.device_bytes() + bench.renderer.device_bytes();
+    let bytes = bench.gaussians.device_bytes() + bench.trainer.renderer().device_bytes();
     println!(
         " {:>8.1} {:>8.1} {:>6.2} {:>8}",
         backward * 1e3,

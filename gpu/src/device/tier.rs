@@ -2,9 +2,6 @@
 //! that it may have out, best first. No device is needed here; whether the adapter keeps its word
 //! is for the self-test to say.
 
-use crate::sort::SortShape;
-use crate::tiling::Tiling;
-
 /// Width of the subgroups that the software tier relies on: what Mesa's llvmpipe has on x86 with
 /// AVX2.
 pub const SOFTWARE_SUBGROUP: u32 = 8;
@@ -50,20 +47,6 @@ impl Tier {
         }
     }
 
-    /// How tiles are spread over threads: one subgroup each, where their size is fixed.
-    pub fn tiling(self) -> Tiling {
-        let fixed = self.subgroup().filter(|(min, max)| min == max);
-        fixed.and_then(|(lanes, _)| Tiling::subgroup(lanes)).unwrap_or(Tiling::PORTABLE)
-    }
-
-    /// How sorts are spread over threads.
-    pub fn sort_shape(self) -> SortShape {
-        match self {
-            Tier::Software => SortShape::of_this_machine(),
-            Tier::Portable | Tier::Subgroup { .. } => SortShape::MANY_THREADS,
-        }
-    }
-
     /// Whether lists are made by counting the hits of each run in each tile: better where a few
     /// threads do all the work. Elsewhere hits are sorted.
     pub fn counts_tiles(self) -> bool {
@@ -71,14 +54,14 @@ impl Tier {
     }
 
     /// Optional features that a device of this tier must have.
-    pub(super) fn features(self) -> wgpu::Features {
+    pub(crate) fn features(self) -> wgpu::Features {
         self.subgroup().map_or(wgpu::Features::empty(), |_| wgpu::Features::SUBGROUP)
     }
 }
 
 /// What an adapter says of itself, as far as tiers go.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Facts {
+pub(crate) struct Facts {
     /// It is the processor.
     pub cpu: bool,
     /// Fewest and most lanes of a subgroup; none without subgroup operations.
@@ -121,16 +104,7 @@ impl Facts {
 
 #[cfg(test)]
 mod tests {
-    use super::{Facts, Tier, Tiling};
-
-    #[test]
-    fn tiles_are_subgroups_where_the_size_is_fixed() {
-        let tiling = |min, max| Tier::Subgroup { min, max }.tiling();
-        assert_eq!(Tier::Software.tiling().lanes, 8);
-        assert!(Tier::Software.tiling().subgroups && tiling(32, 32).subgroups);
-        assert_eq!(tiling(32, 64), Tiling::PORTABLE);
-        assert_eq!(Tier::Portable.tiling(), Tiling::PORTABLE);
-    }
+    use super::{Facts, Tier};
 
     #[test]
     fn facts_decide_and_portable_is_always_there() {

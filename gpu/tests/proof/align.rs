@@ -2,9 +2,9 @@
 
 use crate::room::{Bench, Frame, camera, distance, motion, shoot, texture};
 
-use lexsplat_gpu::align::oracle::{self, Seen};
+use crate::oracle::align::{self as oracle, Seen};
+use crate::oracle::pyramid::{self as levels, HostLevel};
 use lexsplat_gpu::align::{Prior, Robust, align, se3};
-use lexsplat_gpu::pyramid::oracle::{self as levels, HostLevel};
 use lexsplat_gpu::{AlignSettings, Camera, Estimate, GpuError, NormalSystem, Schedule};
 use nalgebra::{Isometry3, Matrix6, SVector, Vector6};
 

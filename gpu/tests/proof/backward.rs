@@ -2,8 +2,8 @@
 
 use crate::support;
 
-use lexsplat_gpu::oracle::Head;
-use lexsplat_gpu::project::oracle::View;
+use crate::oracle::Head;
+use crate::oracle::project::View;
 use lexsplat_gpu::{Camera, Gaussians, Gpu, HeadGradient, HostGaussians, Renderer};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

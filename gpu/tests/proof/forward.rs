@@ -3,8 +3,8 @@
 
 use crate::support;
 
-use lexsplat_gpu::oracle::Head;
-use lexsplat_gpu::project::oracle::View;
+use crate::oracle::Head;
+use crate::oracle::project::View;
 use lexsplat_gpu::{Camera, Contribution, Gaussians, Gpu, GpuError, HostGaussians, Renderer};
 use nalgebra::Point3;
 

@@ -3,7 +3,7 @@
 use crate::support;
 use crate::wild::{CHANNELS, Outcome, hold, scene_from_bytes};
 
-use lexsplat_gpu::Renderer;
+use lexsplat_gpu::Trainer;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -21,11 +21,11 @@ fn strings(count: u64) -> impl Iterator<Item = Vec<u8>> {
 #[test]
 fn any_bytes_make_a_scene_that_keeps_the_promises() {
     let gpu = support::gpu();
-    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let mut counts = [0; 3];
     for (seed, bytes) in strings(400).enumerate() {
         println!("seed {seed}");
-        counts[hold(&gpu, &mut renderer, &bytes) as usize] += 1;
+        counts[hold(&gpu, &mut trainer, &bytes) as usize] += 1;
     }
     println!("refused, empty, drawn: {counts:?}");
     let [refused, empty, drawn] = counts;
@@ -54,13 +54,13 @@ fn the_bytes_reach_wild_values_in_every_array() {
 #[test]
 fn the_outcomes_are_told_apart() {
     let gpu = support::gpu();
-    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
-    let outcome = |renderer: &mut Renderer, bytes: &[u8]| hold(&gpu, renderer, bytes);
-    assert_eq!(outcome(&mut renderer, &[]), Outcome::Refused);
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
+    let outcome = |trainer: &mut Trainer, bytes: &[u8]| hold(&gpu, trainer, bytes);
+    assert_eq!(outcome(&mut trainer, &[]), Outcome::Refused);
     // A tame camera is one byte and eleven numbers of two; then come width and height.
     let mut bytes = vec![1; 25];
     (bytes[23], bytes[24]) = (16, 16);
-    assert_eq!(outcome(&mut renderer, &bytes), Outcome::Empty, "{:?}", scene_from_bytes(&bytes));
+    assert_eq!(outcome(&mut trainer, &bytes), Outcome::Empty, "{:?}", scene_from_bytes(&bytes));
     bytes.extend([120; 200]);
-    assert_eq!(outcome(&mut renderer, &bytes), Outcome::Drawn, "{:?}", scene_from_bytes(&bytes));
+    assert_eq!(outcome(&mut trainer, &bytes), Outcome::Drawn, "{:?}", scene_from_bytes(&bytes));
 }

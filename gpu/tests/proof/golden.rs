@@ -6,8 +6,8 @@ use crate::support;
 use std::collections::HashMap;
 use std::path::Path;
 
-use lexsplat_gpu::oracle::Head;
-use lexsplat_gpu::project::oracle::View;
+use crate::oracle::Head;
+use crate::oracle::project::View;
 use lexsplat_gpu::{Camera, Gaussians, HeadGradient, HostGaussians, HostHead, Renderer};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 

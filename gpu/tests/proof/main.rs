@@ -5,6 +5,7 @@
 mod align;
 mod align_speed;
 mod backward;
+mod differences;
 mod forward;
 mod fuzz;
 mod golden;

@@ -2,14 +2,13 @@
 
 use crate::support;
 
-use lexsplat_gpu::adam::{self, Adam, Gradients, Seen};
-use lexsplat_gpu::buffer::Buffer;
-use lexsplat_gpu::kernel::Recorder;
-use lexsplat_gpu::layout::HitCount;
-use lexsplat_gpu::loss::{self, Loss};
-use lexsplat_gpu::order::Ranks;
-use lexsplat_gpu::sort::Sort;
-use lexsplat_gpu::{ColorTarget, LossWeights, Parameters};
+use crate::oracle;
+use lexsplat_gpu::pass::order::Ranks;
+use lexsplat_gpu::primitives::sort::Sort;
+use lexsplat_gpu::shader::layout::HitCount;
+use lexsplat_gpu::train::adam::{Adam, Gradients, Seen};
+use lexsplat_gpu::train::loss::Loss;
+use lexsplat_gpu::{Buffer, ColorTarget, LossWeights, Parameters, Recorder};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -42,10 +41,10 @@ fn color_loss_matches_the_oracle() {
         .map(|i| (i / 3 % 5 != 0).then(|| f64::from(f32::from(rgb[i]) / 255.0)))
         .collect();
     let depths: Vec<_> = depth.iter().map(|d| (*d > 0.0).then_some(f64::from(*d))).collect();
-    let shown = |exposure| loss::oracle::exposed(0.9f32.into(), exposure, &values(0..3), &colors);
+    let shown = |exposure| oracle::loss::exposed(0.9f32.into(), exposure, &values(0..3), &colors);
     let exposure = exposure.map(f64::from);
     let (color, d_color, d_exposure) = shown(exposure);
-    let (depth, d_depth) = loss::oracle::mean_absolute(0.3f32.into(), &values(3..4), &depths);
+    let (depth, d_depth) = oracle::loss::mean_absolute(0.3f32.into(), &values(3..4), &depths);
     let sum = |i: usize| terms.iter().map(|term| f64::from(term[i])).sum::<f64>();
     assert!((sum(0) - color).abs() < 1e-6 && (sum(1) - depth).abs() < 1e-6);
     println!("loss: {:.1e} {:.1e}", sum(0) - color, sum(1) - depth);
@@ -88,8 +87,8 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
 
     let wide = |scales: &[[f32; 3]]| scales.iter().map(|s| s.map(f64::from)).collect::<Vec<_>>();
     let (wide_c, wide_f) = (wide(&scene.color.log_scales), wide(&scene.language.log_scales));
-    let isotropic = |scales: &[[f64; 3]]| loss::oracle::isotropic(10.0, scales);
-    let tie = |scales: &[[f64; 3]]| loss::oracle::tie(10.0, &wide_c, scales);
+    let isotropic = |scales: &[[f64; 3]]| oracle::loss::isotropic(10.0, scales);
+    let tie = |scales: &[[f64; 3]]| oracle::loss::tie(10.0, &wide_c, scales);
     for (scales, terms, gradients, oracle) in [
         (&wide_c, &terms_c, &d_c, &isotropic as &dyn Fn(&[[f64; 3]]) -> (f64, Vec<[f64; 3]>)),
         (&wide_f, &terms_f, &d_f, &tie),
@@ -145,7 +144,7 @@ fn adam_matches_the_oracle() {
     let is_seen = |step: usize, gaussian: usize| !(step + gaussian).is_multiple_of(3);
     let mut wanted: Vec<_> = values
         .iter()
-        .map(|row| row.map(|v| adam::oracle::State { value: v.into(), ..Default::default() }))
+        .map(|row| row.map(|v| oracle::adam::State { value: v.into(), ..Default::default() }))
         .collect();
     let mut taken = vec![0; count];
     for (step, step_gradients) in gradients.iter().enumerate() {
@@ -169,7 +168,7 @@ fn adam_matches_the_oracle() {
                 let (g, rate) = (step_gradients[row][i], rates[row % 2][i]);
                 if (row, i) != (7, 1) {
                     let state = &mut wanted[row][i];
-                    *state = adam::oracle::update(*state, g.into(), rate.into(), taken[gaussian]);
+                    *state = oracle::adam::update(*state, g.into(), rate.into(), taken[gaussian]);
                 }
             }
         }

@@ -3,12 +3,12 @@
 
 use crate::support;
 
-use lexsplat_gpu::layout::{HUGE, NEAR};
-use lexsplat_gpu::oracle::Head;
-use lexsplat_gpu::project::oracle::{self as project, View};
+use crate::oracle::Head;
+use crate::oracle::project::{self, View};
+use lexsplat_gpu::shader::layout::{HUGE, NEAR};
 use lexsplat_gpu::{
     Camera, ColorTarget, Gaussians, Gpu, HeadGradient, HostGaussians, LanguageTarget,
-    LearningRates, LossWeights, Renderer, TrainingView,
+    LearningRates, LossWeights, Renderer, Trainer, TrainingView,
 };
 use nalgebra::Isometry3;
 
@@ -62,7 +62,7 @@ fn row(gradient: &HeadGradient, i: usize) -> Vec<f32> {
 }
 
 /// One step towards grey pictures and codes.
-fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera) {
+fn step(gpu: &Gpu, trainer: &mut Trainer, map: &mut Gaussians, camera: &Camera) {
     let (pixels, size) = (camera.pixels(), (camera.width, camera.height));
     let color = ColorTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
     let codes = vec![0.5; CHANNELS * pixels];
@@ -74,8 +74,8 @@ fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera
         language: Some((camera, &language)),
         exposure: [0.0; 2],
     };
-    renderer.step(map, &view, &LossWeights::default(), &LearningRates::default()).expect("steps");
-    renderer.settle(map).expect("settles");
+    trainer.step(map, &view, &LossWeights::default(), &LearningRates::default()).expect("steps");
+    trainer.settle(map).expect("settles");
 }
 
 /// What is wrong, and how to make it so.
@@ -135,33 +135,33 @@ fn poisons() -> Vec<Poison> {
 #[test]
 fn a_spoilt_gaussian_is_left_out_and_harms_nobody() {
     let gpu = support::gpu();
-    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let camera = straight(37, 29);
     let mut sound = support::scene(41, 40, CHANNELS, 0.1);
     sound.means[0] = [0.0, 0.0, 0.9];
     let mut alone = map(&gpu, &sound);
-    let with = pictures(&mut renderer, &alone, &camera);
+    let with = pictures(trainer.renderer(), &alone, &camera);
     let keep: Vec<bool> = (0..40).map(|i| i > 0).collect();
     alone.retain(&keep).expect("fits");
-    let wanted = pictures(&mut renderer, &alone, &camera);
+    let wanted = pictures(trainer.renderer(), &alone, &camera);
     assert_ne!(with, wanted, "unspoilt, it shows");
-    let wanted_gradients = gradients(&mut renderer, &alone, &camera);
-    step(&gpu, &mut renderer, &mut alone, &camera);
+    let wanted_gradients = gradients(trainer.renderer(), &alone, &camera);
+    step(&gpu, &mut trainer, &mut alone, &camera);
     let moved = alone.to_host().expect("reads");
     for (name, spoil) in poisons() {
         let mut scene = sound.clone();
         spoil(&mut scene);
         let mut spoilt = map(&gpu, &scene);
-        assert!(pictures(&mut renderer, &spoilt, &camera) == wanted, "{name}: bit for bit");
+        assert!(pictures(trainer.renderer(), &spoilt, &camera) == wanted, "{name}: bit for bit");
         for (found, wanted) in
-            gradients(&mut renderer, &spoilt, &camera).iter().zip(&wanted_gradients)
+            gradients(trainer.renderer(), &spoilt, &camera).iter().zip(&wanted_gradients)
         {
             assert!(row(found, 0).iter().all(|g| *g == 0.0), "{name}: {:?}", row(found, 0));
             for i in 1..40 {
                 assert!(row(found, i) == row(wanted, i - 1), "{name}: gaussian {i}, bit for bit");
             }
         }
-        step(&gpu, &mut renderer, &mut spoilt, &camera);
+        step(&gpu, &mut trainer, &mut spoilt, &camera);
         let after = spoilt.to_host().expect("reads");
         assert_eq!(bits(&after, 0..1), bits(&scene, 0..1), "{name}: it stays as it was");
         assert!(bits(&after, 1..40) != bits(&scene, 1..40), "{name}: the others learn");
@@ -254,15 +254,18 @@ fn a_long_needle_has_no_holes() {
 #[test]
 fn a_spoilt_feature_stays_out_of_the_picture() {
     let gpu = support::gpu();
-    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let camera = straight(37, 29);
     for poison in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
         let mut scene = support::scene(47, 20, CHANNELS, 0.1);
         scene.color.features[1] = poison;
         scene.language.features[2] = poison;
         let mut map = map(&gpu, &scene);
-        assert!(pictures(&mut renderer, &map, &camera).iter().all(|v| v.is_finite()), "{poison}");
-        step(&gpu, &mut renderer, &mut map, &camera);
+        assert!(
+            pictures(trainer.renderer(), &map, &camera).iter().all(|v| v.is_finite()),
+            "{poison}"
+        );
+        step(&gpu, &mut trainer, &mut map, &camera);
         let after = map.to_host().expect("reads");
         assert_eq!(
             bits(&after, 1..20).iter().filter(|b| !f32::from_bits(**b).is_finite()).count(),
@@ -288,7 +291,7 @@ fn the_near_plane_is_where_it_says() {
 #[test]
 fn five_thousand_on_one_pixel_have_finite_gradients_and_a_sound_step() {
     let gpu = support::gpu();
-    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let camera = straight(21, 19);
     let mut scene = support::scene(44, 5000, CHANNELS, 0.08);
     for (i, mean) in scene.means.iter_mut().enumerate() {
@@ -297,7 +300,7 @@ fn five_thousand_on_one_pixel_have_finite_gradients_and_a_sound_step() {
         scene.language.opacity_logits[i] = if i.is_multiple_of(50) { 100.0 } else { -4.3 };
     }
     let mut map = map(&gpu, &scene);
-    let image = renderer.render_color(&map, &camera).expect("renders");
+    let image = trainer.renderer().render_color(&map, &camera).expect("renders");
     let wanted = Head::color(&scene).render(&View::new(&camera));
     let pairs = image.opacity.iter().zip(&wanted.transmittance);
     let error = pairs.map(|(a, t)| (f64::from(*a) - (1.0 - t)).abs()).fold(0.0, f64::max);
@@ -305,10 +308,10 @@ fn five_thousand_on_one_pixel_have_finite_gradients_and_a_sound_step() {
     println!("crowd: {error:.1e}");
     assert!(error < TOLERANCE, "{error:.1e}");
     assert!(image.opacity.iter().any(|opacity| *opacity > 0.99), "they add up");
-    for gradient in gradients(&mut renderer, &map, &camera) {
+    for gradient in gradients(trainer.renderer(), &map, &camera) {
         assert!((0..5000).flat_map(|i| row(&gradient, i)).all(f32::is_finite));
     }
-    step(&gpu, &mut renderer, &mut map, &camera);
+    step(&gpu, &mut trainer, &mut map, &camera);
     let after = map.to_host().expect("reads");
     assert!(bits(&after, 0..5000).iter().all(|value| f32::from_bits(*value).is_finite()));
     assert!(after != scene, "something moved");

@@ -2,13 +2,12 @@
 
 use crate::support;
 
-use lexsplat_gpu::Gpu;
-use lexsplat_gpu::buffer::Buffer;
-use lexsplat_gpu::gather::Gather;
-use lexsplat_gpu::kernel::Recorder;
-use lexsplat_gpu::reduce::{Reduce, ReduceScratch, Summands};
-use lexsplat_gpu::scan::{self, Scan};
-use lexsplat_gpu::sort::{self, Sort, SortShape};
+use crate::oracle;
+use lexsplat_gpu::primitives::gather::Gather;
+use lexsplat_gpu::primitives::reduce::{Reduce, ReduceScratch, Summands};
+use lexsplat_gpu::primitives::scan::Scan;
+use lexsplat_gpu::primitives::sort::{Sort, SortShape};
+use lexsplat_gpu::{Buffer, Gpu, Recorder};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -31,10 +30,10 @@ fn scan_is_the_exclusive_prefix_sum() {
         scan.exclusive(&mut recorder, &buffer, len, &scratch);
         recorder.submit();
         let found = buffer.read(&gpu, len).expect("reads");
-        assert_eq!(found, scan::oracle::exclusive(&values), "length {len}");
+        assert_eq!(found, oracle::scan::exclusive(&values), "length {len}");
         if len > 1 {
             values[0] += 1;
-            assert_ne!(found, scan::oracle::exclusive(&values), "one more must show");
+            assert_ne!(found, oracle::scan::exclusive(&values), "one more must show");
         }
     }
 }
@@ -50,7 +49,7 @@ fn a_scan_that_is_too_large_stays_too_large() {
     scan.exclusive(&mut recorder, &buffer, 300, &scratch);
     recorder.submit();
     let found = buffer.read(&gpu, 300).expect("reads");
-    assert_eq!(found, scan::oracle::exclusive(&values));
+    assert_eq!(found, oracle::scan::exclusive(&values));
     assert_eq!(found[299], u32::MAX);
 }
 
@@ -85,7 +84,7 @@ fn sort_is_stable_for_any_length_and_width() {
         let values: Vec<u32> = (0..len as u32).collect();
         for (bits, below) in [(32, u32::MAX), (9, 300), (1, 2), (4, 1)] {
             let keys = numbers(len, below);
-            let wanted = sort::oracle::sort(&keys, &values, bits);
+            let wanted = oracle::sort::sort(&keys, &values, bits);
             for shape in SHAPES {
                 let found = sorted(&gpu, shape, (&keys, &values), bits);
                 assert_eq!(found, wanted, "length {len}, {bits} bits, {shape:?}");
@@ -101,7 +100,8 @@ fn sort_holds_for_twenty_million_keys() {
     let len = 20_000_000;
     let keys: Vec<u32> = (0..len as u32).map(|i| i.wrapping_mul(2_654_435_761) >> 10).collect();
     let values: Vec<u32> = (0..len as u32).collect();
-    let (sorted_keys, sorted_values) = sorted(&gpu, gpu.sort_shape(), (&keys, &values), 22);
+    let (sorted_keys, sorted_values) =
+        sorted(&gpu, SortShape::of(gpu.tier()), (&keys, &values), 22);
     let pairs = || sorted_keys.iter().zip(&sorted_values);
     assert!(
         pairs().all(|(key, value)| keys[*value as usize] == *key),
@@ -118,10 +118,10 @@ fn an_unstable_order_is_noticed() {
     let gpu = support::gpu();
     let keys = vec![5; 200];
     let values: Vec<u32> = (0..200).collect();
-    let (_, mut found) = sorted(&gpu, gpu.sort_shape(), (&keys, &values), 8);
+    let (_, mut found) = sorted(&gpu, SortShape::of(gpu.tier()), (&keys, &values), 8);
     assert_eq!(found, values);
     found.swap(3, 4);
-    assert_ne!(found, sort::oracle::sort(&keys, &values, 8).1);
+    assert_ne!(found, oracle::sort::sort(&keys, &values, 8).1);
 }
 
 #[test]

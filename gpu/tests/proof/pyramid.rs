@@ -2,12 +2,9 @@
 
 use crate::room::{Bench, camera, motion, shoot, spoil};
 
-use lexsplat_gpu::buffer::Buffer;
-use lexsplat_gpu::kernel::Recorder;
-use lexsplat_gpu::layout::PixelState;
-use lexsplat_gpu::pyramid;
-use lexsplat_gpu::pyramid::oracle::{self as levels, HostLevel};
-use lexsplat_gpu::{Camera, GpuError};
+use crate::oracle::pyramid::{self as levels, HostLevel};
+use lexsplat_gpu::shader::layout::PixelState;
+use lexsplat_gpu::{Buffer, Camera, GpuError, Recorder, pyramid};
 use nalgebra::Isometry3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,11 +2,10 @@
 
 use crate::support;
 
+use crate::oracle::pyramid::{self as levels, HostLevel};
 use lexsplat_gpu::align::se3;
-use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::pyramid::Level;
-use lexsplat_gpu::pyramid::oracle::{self as levels, HostLevel};
-use lexsplat_gpu::{Aligner, Camera, Estimate, Gpu, Pyramid, Pyramids};
+use lexsplat_gpu::{Aligner, Buffer, Camera, Estimate, Gpu, Pyramid, Pyramids};
 use nalgebra::{Isometry3, Vector3, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

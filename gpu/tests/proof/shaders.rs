@@ -1,11 +1,35 @@
 //! Every shader is parsed and validated by naga, and every struct of the layout is compared with
 //! what naga makes of the WGSL header. Needs no device.
 
-use lexsplat_gpu::layout::{self, STRUCTS};
-use lexsplat_gpu::shader::{Access, Shader, catalogue};
-use lexsplat_gpu::sort::SortShape;
-use lexsplat_gpu::tiling::Tiling;
+use lexsplat_gpu::primitives::sort::SortShape;
+use lexsplat_gpu::shader::layout::{self, STRUCTS};
+use lexsplat_gpu::shader::{Access, Shader, Tiling};
+use lexsplat_gpu::{map, pass, primitives, track, train};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+/// Every shader of this package but the self-test's, for a language head of `channels` channels.
+fn catalogue(channels: usize, tiling: Tiling, shape: SortShape) -> Vec<Shader> {
+    let mut shaders = Vec::new();
+    shaders.extend(primitives::scan::shaders());
+    shaders.extend(primitives::sort::shaders(shape));
+    shaders.extend(primitives::reduce::shaders());
+    shaders.extend(primitives::gather::shaders());
+    shaders.extend(map::densify::shaders());
+    shaders.extend(map::morton::shaders());
+    shaders.extend(pass::order::shaders());
+    shaders.extend(pass::tiles::shaders(tiling, shape));
+    for (rows, color) in [(1, true), (layout::rows_for(channels), false)] {
+        shaders.extend(pass::project::shaders(tiling, rows, color));
+        shaders.extend(pass::blend::shaders(tiling, rows, color));
+    }
+    shaders.extend(train::loss::shaders());
+    shaders.extend(train::adam::shaders());
+    shaders.extend(train::ties::shaders());
+    shaders.extend(train::tally::shaders());
+    shaders.extend(track::pyramid::shaders());
+    shaders.extend(track::align::shaders());
+    shaders
+}
 
 fn parse(text: &str) -> naga::Module {
     naga::front::wgsl::parse_str(text)

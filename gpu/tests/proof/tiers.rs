@@ -4,9 +4,9 @@
 
 use crate::support;
 
-use lexsplat_gpu::shader::self_tests;
+use lexsplat_gpu::selftest::shaders as self_tests;
 use lexsplat_gpu::{
-    Gaussians, Gpu, HostGaussians, LanguageTarget, LearningRates, LossWeights, Renderer, Tier,
+    Gaussians, Gpu, HostGaussians, LanguageTarget, LearningRates, LossWeights, Tier, Trainer,
     TrainingView,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -19,9 +19,10 @@ const CHANNELS: usize = 16;
 /// step's losses.
 fn results(gpu: &Gpu, scene: &HostGaussians) -> Vec<f32> {
     let camera = support::camera(67, 45);
-    let mut renderer = Renderer::new(gpu, CHANNELS).expect("compiles");
+    let mut trainer = Trainer::new(gpu, CHANNELS).expect("compiles");
     let mut map = Gaussians::new(gpu, CHANNELS);
     map.append(scene).expect("fits");
+    let renderer = trainer.renderer();
     let color = renderer.render_color(&map, &camera).expect("renders");
     let given = renderer.contributions(&map, &camera).expect("renders");
     let weights = given.iter().map(|given| given.weight / camera.pixels() as f32).collect();
@@ -60,8 +61,8 @@ fn results(gpu: &Gpu, scene: &HostGaussians) -> Vec<f32> {
         exposure: [0.0; 2],
     };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
-    renderer.step(&mut map, &view, &weights, &rates).expect("steps");
-    let losses = renderer.last_report(&mut map).expect("settles").losses;
+    trainer.step(&mut map, &view, &weights, &rates).expect("steps");
+    let losses = trainer.last_report(&mut map).expect("settles").losses;
     all.extend([losses.language, losses.tie]);
     all
 }

@@ -2,11 +2,12 @@
 
 use crate::support;
 
-use lexsplat_gpu::oracle::Head;
-use lexsplat_gpu::project::oracle::View;
+use crate::oracle;
+use crate::oracle::Head;
+use crate::oracle::project::View;
 use lexsplat_gpu::{
     Camera, ColorTarget, Gaussians, Gpu, HeadRates, HostGaussians, LanguageTarget, LearningRates,
-    LossWeights, Losses, Renderer, Ties, TrainingView, loss,
+    LossWeights, Losses, Renderer, Ties, Trainer, TrainingView,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -71,15 +72,15 @@ fn disturbed(scene: &HostGaussians) -> HostGaussians {
 }
 
 fn train(
-    renderer: &mut Renderer,
+    trainer: &mut Trainer,
     map: &mut Gaussians,
     view: &TrainingView<'_>,
     steps: usize,
 ) -> Vec<Losses> {
     let rates = LearningRates::default();
     let mut step = |_| {
-        renderer.step(map, view, &DATA, &rates).expect("steps");
-        renderer.last_report(map).expect("reads").losses
+        trainer.step(map, view, &DATA, &rates).expect("steps");
+        trainer.last_report(map).expect("reads").losses
     };
     (0..steps).map(&mut step).collect()
 }
@@ -89,9 +90,9 @@ fn color_and_language_converge() {
     let gpu = support::gpu();
     let scene = support::scene(1, 150, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let mut map = map(&gpu, &disturbed(&scene));
-    let losses = train(&mut renderer, &mut map, &targets.view(true, true), 200);
+    let losses = train(&mut trainer, &mut map, &targets.view(true, true), 200);
     let (first, last) = (losses[0], losses[199]);
     println!("{first:?}\n{last:?}");
     assert!(last.color < 0.3 * first.color, "{} to {}", first.color, last.color);
@@ -104,10 +105,10 @@ fn language_alone_leaves_means_and_color_alone() {
     let gpu = support::gpu();
     let scene = support::scene(2, 100, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let before = disturbed(&scene);
     let mut map = map(&gpu, &before);
-    let losses = train(&mut renderer, &mut map, &targets.view(false, true), 5);
+    let losses = train(&mut trainer, &mut map, &targets.view(false, true), 5);
     let after = map.to_host().expect("reads");
     assert_eq!((&after.means, &after.color), (&before.means, &before.color));
     assert_ne!(after.language.features, before.language.features);
@@ -116,7 +117,7 @@ fn language_alone_leaves_means_and_color_alone() {
     assert_ne!(after.language.opacity_logits, before.language.opacity_logits);
     assert!(losses[0].color == 0.0 && losses[0].language > 0.0);
 
-    train(&mut renderer, &mut map, &targets.view(true, false), 5);
+    train(&mut trainer, &mut map, &targets.view(true, false), 5);
     let color = map.to_host().expect("reads");
     assert_eq!(color.language, after.language);
     assert_ne!(color.means, after.means);
@@ -128,9 +129,9 @@ fn steps_are_the_same_twice_and_when_lists_overflow() {
     let scene = support::scene(3, 150, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
     let run = |hits| {
-        let mut renderer = Renderer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
+        let mut trainer = Trainer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
         let mut map = map(&gpu, &disturbed(&scene));
-        let losses = train(&mut renderer, &mut map, &targets.view(true, true), 4);
+        let losses = train(&mut trainer, &mut map, &targets.view(true, true), 4);
         (losses, map.to_host().expect("reads"))
     };
     let first = run(1 << 16);
@@ -146,14 +147,14 @@ fn unseen_gaussians_stay_as_they_are() {
     for i in 0..10 {
         scene.means[i] = targets.camera.unproject(30.0, 20.0, -1.0 - i as f32).into();
     }
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let mut map = map(&gpu, &scene);
     let all = LossWeights { isotropic: 10.0, tie: 10.0, ..DATA };
     for _ in 0..3 {
         let view = targets.view(true, true);
-        renderer.step(&mut map, &view, &all, &LearningRates::default()).expect("steps");
+        trainer.step(&mut map, &view, &all, &LearningRates::default()).expect("steps");
     }
-    renderer.settle(&mut map).expect("settles");
+    trainer.settle(&mut map).expect("settles");
     let after = map.to_host().expect("reads");
     assert_eq!(after.means[..10], scene.means[..10]);
     assert_eq!(after.color.log_scales[..10], scene.color.log_scales[..10]);
@@ -173,14 +174,14 @@ fn poison_does_not_spread() {
     poisoned.language.log_scales[3] = [f32::NAN; 3];
     poisoned.color.opacity_logits[4] = 1e9;
     poisoned.language.features[5 * 15] = 1e25;
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let mut map = map(&gpu, &poisoned);
     let all = LossWeights { isotropic: 10.0, tie: 10.0, ..DATA };
     for _ in 0..3 {
         let view = targets.view(true, true);
-        renderer.step(&mut map, &view, &all, &LearningRates::default()).expect("steps");
+        trainer.step(&mut map, &view, &all, &LearningRates::default()).expect("steps");
     }
-    renderer.settle(&mut map).expect("settles");
+    trainer.settle(&mut map).expect("settles");
     let after = map.to_host().expect("reads");
     assert!(after.means[1..].iter().flatten().all(|v| v.is_finite()));
     for head in [&after.color, &after.language] {
@@ -196,17 +197,17 @@ fn wrong_targets_are_refused_and_nothing_to_do_is_done() {
     let gpu = support::gpu();
     let scene = support::scene(6, 5, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let mut map = map(&gpu, &scene);
     let other = support::camera(66, 45);
     let view = TrainingView { camera: &other, ..targets.view(true, false) };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
-    let error = renderer.step(&mut map, &view, &weights, &rates).expect_err("another size");
+    let error = trainer.step(&mut map, &view, &weights, &rates).expect_err("another size");
     assert_eq!(error.to_string(), "target width: expected 66, found 67");
-    renderer.step(&mut map, &targets.view(false, false), &weights, &rates).expect("nothing to do");
+    trainer.step(&mut map, &targets.view(false, false), &weights, &rates).expect("nothing to do");
     assert_eq!(map.to_host().expect("reads"), scene);
     let mut empty = Gaussians::new(&gpu, 15);
-    renderer.step(&mut empty, &targets.view(true, true), &weights, &rates).expect("nothing to do");
+    trainer.step(&mut empty, &targets.view(true, true), &weights, &rates).expect("nothing to do");
     assert!(LanguageTarget::new(&gpu, 1, 1, 2, &[0.0, f32::NAN]).is_err());
     assert!(ColorTarget::new(&gpu, (2, 1), &[0; 6], &[0.0]).is_err());
 }
@@ -219,13 +220,13 @@ fn a_step_reports_pose_and_exposure_gradients() {
     let scene = support::scene(6, 80, 15, 0.12);
     let targets = Targets::new(&gpu, &scene);
     let off = disturbed(&scene);
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let mut gaussians = map(&gpu, &off);
-    let image = renderer.render_color(&gaussians, &targets.camera).expect("renders");
+    let image = trainer.renderer().render_color(&gaussians, &targets.camera).expect("renders");
     let exposure = [0.2f32, 0.05];
     let view = TrainingView { exposure, ..targets.view(true, true) };
-    renderer.step(&mut gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
-    let report = renderer.last_report(&mut gaussians).expect("reads");
+    trainer.step(&mut gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
+    let report = trainer.last_report(&mut gaussians).expect("reads");
 
     let shown = Renderer::new(&gpu, 15)
         .expect("compiles")
@@ -236,8 +237,8 @@ fn a_step_reports_pose_and_exposure_gradients() {
     let colors: Vec<_> = shown.rgb.iter().map(|v| Some(target(*v))).collect();
     let depths: Vec<_> = shown.depth.iter().map(|d| (*d > 0.0).then_some(f64::from(*d))).collect();
     let (_, d_rgb, d_exposure) =
-        loss::oracle::exposed(1.0, exposure.map(f64::from), &wide(&image.rgb), &colors);
-    let (_, d_depth) = loss::oracle::mean_absolute(0.2f32.into(), &wide(&image.depth), &depths);
+        oracle::loss::exposed(1.0, exposure.map(f64::from), &wide(&image.rgb), &colors);
+    let (_, d_depth) = oracle::loss::mean_absolute(0.2f32.into(), &wide(&image.depth), &depths);
     let d_image: Vec<f64> = d_rgb
         .chunks(3)
         .zip(&d_depth)
@@ -274,14 +275,14 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
     let steps = 3;
     // Behind some steps: a look (or none), then what the next step finds and where everything is.
     let run = |hits, look: bool| {
-        let mut renderer = Renderer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
+        let mut trainer = Trainer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
         let mut gaussians = map(&gpu, &before);
         for _ in 0..steps {
-            renderer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
+            trainer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
         }
-        let looked = look.then(|| renderer.look(&gaussians, seen, exposure, &DATA).expect("looks"));
-        renderer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
-        let report = renderer.last_report(&mut gaussians).expect("reads");
+        let looked = look.then(|| trainer.look(&gaussians, seen, exposure, &DATA).expect("looks"));
+        trainer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
+        let report = trainer.last_report(&mut gaussians).expect("reads");
         (looked, report, gaussians.to_host().expect("reads"))
     };
     let (_, wanted, wanted_map) = run(1 << 16, false);
@@ -292,21 +293,21 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
     }
     assert_ne!(wanted.pose_gradient, [0.0; 6]);
 
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let gaussians = map(&gpu, &before);
-    let first = renderer.look(&gaussians, seen, exposure, &DATA).expect("looks");
+    let first = trainer.look(&gaussians, seen, exposure, &DATA).expect("looks");
     assert_eq!(gaussians.to_host().expect("reads"), before, "a look alone moves nothing");
     assert_ne!(first, wanted, "steps change what a look finds");
-    let plain = renderer.look(&gaussians, seen, [0.0; 2], &DATA).expect("looks");
+    let plain = trainer.look(&gaussians, seen, [0.0; 2], &DATA).expect("looks");
     assert_ne!(first, plain, "and so does exposure");
     let isotropic = LossWeights { isotropic: 10.0, tie: 5.0, ..DATA };
-    let same = renderer.look(&gaussians, seen, exposure, &isotropic).expect("looks");
+    let same = trainer.look(&gaussians, seen, exposure, &isotropic).expect("looks");
     assert_eq!(same.losses, first.losses, "only pictures are compared");
     let empty = Gaussians::new(&gpu, 15);
-    let nothing = renderer.look(&empty, seen, exposure, &DATA).expect("looks");
+    let nothing = trainer.look(&empty, seen, exposure, &DATA).expect("looks");
     assert_eq!(nothing, lexsplat_gpu::StepReport::default());
     let wrong = targets.camera.resized(30, 20);
-    assert!(renderer.look(&gaussians, (&wrong, &targets.color), exposure, &DATA).is_err());
+    assert!(trainer.look(&gaussians, (&wrong, &targets.color), exposure, &DATA).is_err());
 }
 
 /// A list that overflows in the middle of a sequence loses no step: the same losses, step by step.
@@ -317,22 +318,22 @@ fn a_step_that_overflows_is_taken_again() {
     let many = support::scene(8, 400, 15, 0.15);
     let targets = Targets::new(&gpu, &many);
     let run = |hits| {
-        let mut renderer = Renderer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
+        let mut trainer = Trainer::with_hit_capacity(&gpu, 15, hits).expect("compiles");
         let mut gaussians = map(&gpu, &few);
         let view = targets.view(true, true);
         let mut step = |gaussians: &mut Gaussians| {
-            renderer.step(gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
+            trainer.step(gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
         };
         (0..3).for_each(|_| step(&mut gaussians));
         gaussians.append(&many).expect("fits");
         (0..5).for_each(|_| step(&mut gaussians));
-        let report = renderer.last_report(&mut gaussians).expect("reads");
+        let report = trainer.last_report(&mut gaussians).expect("reads");
         (report, gaussians.to_host().expect("reads"))
     };
     let wanted = run(1 << 16);
     assert_eq!(run(1 << 16), wanted, "bit for bit");
     assert_eq!(run(2000), wanted, "nothing is lost");
-    let mut shorter = Renderer::new(&gpu, 15).expect("compiles");
+    let mut shorter = Trainer::new(&gpu, 15).expect("compiles");
     let mut gaussians = map(&gpu, &few);
     gaussians.append(&many).expect("fits");
     let view = targets.view(true, true);
@@ -350,14 +351,14 @@ fn tied_parameters_stay_equal_and_add_their_gradients() {
     scene.language.opacity_logits.clone_from(&scene.color.opacity_logits);
     let targets = Targets::new(&gpu, &support::scene(10, 80, 15, 0.12));
     let steps = |ties: Ties, views: &[(bool, bool)]| {
-        let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
-        renderer.set_ties(ties);
+        let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
+        trainer.set_ties(ties);
         let mut gaussians = map(&gpu, &scene);
         for (color, language) in views {
             let view = targets.view(*color, *language);
-            renderer.step(&mut gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
+            trainer.step(&mut gaussians, &view, &DATA, &LearningRates::default()).expect("steps");
         }
-        renderer.settle(&mut gaussians).expect("settles");
+        trainer.settle(&mut gaussians).expect("settles");
         gaussians.to_host().expect("reads")
     };
     let views = [(true, true), (true, false), (false, true), (true, true)];
@@ -378,11 +379,11 @@ fn tied_parameters_stay_equal_and_add_their_gradients() {
     // One step with both heads moves by the sign of the summed gradient (Adam's first step).
     let both = steps(tied, &[(true, true)]);
     let gradients = |color: bool| -> Vec<f32> {
-        let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+        let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
         let mut gaussians = map(&gpu, &scene);
         let rates = LearningRates::default();
-        renderer.step(&mut gaussians, &targets.view(color, !color), &DATA, &rates).expect("steps");
-        renderer.settle(&mut gaussians).expect("settles");
+        trainer.step(&mut gaussians, &targets.view(color, !color), &DATA, &rates).expect("steps");
+        trainer.settle(&mut gaussians).expect("settles");
         let host = gaussians.to_host().expect("reads");
         let head = if color { host.color } else { host.language };
         let start = &scene.color.opacity_logits;
@@ -405,18 +406,18 @@ fn steps_keep_statistics() {
     let gpu = support::gpu();
     let scene = support::scene(11, 60, 15, 0.12);
     let targets = Targets::new(&gpu, &support::scene(12, 60, 15, 0.12));
-    let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let mut gaussians = map(&gpu, &scene);
-    let given = renderer.contributions(&gaussians, &targets.camera).expect("reads");
+    let given = trainer.renderer().contributions(&gaussians, &targets.camera).expect("reads");
     let still = LearningRates {
         mean: 0.0,
         color: HeadRates { rotation: 0.0, log_scale: 0.0, opacity: 0.0, feature: 0.0 },
         ..LearningRates::default()
     };
     for _ in 0..3 {
-        renderer.step(&mut gaussians, &targets.view(true, true), &DATA, &still).expect("steps");
+        trainer.step(&mut gaussians, &targets.view(true, true), &DATA, &still).expect("steps");
     }
-    renderer.settle(&mut gaussians).expect("settles");
+    trainer.settle(&mut gaussians).expect("settles");
     let found = gaussians.statistics().expect("reads");
     for (found, given) in found.iter().zip(&given) {
         let views = if given.weight > 0.0 { 3.0 } else { 0.0 };
@@ -430,8 +431,8 @@ fn steps_keep_statistics() {
     assert!(found.iter().any(|s| s.views == 0.0) && found.iter().any(|s| s.touched_pixels > 9.0));
     let largest = found.iter().map(|s| s.gradient_sum).fold(0.0, f32::max);
     gaussians.clear_statistics();
-    renderer.step(&mut gaussians, &targets.view(false, true), &DATA, &still).expect("steps");
-    renderer.settle(&mut gaussians).expect("settles");
+    trainer.step(&mut gaussians, &targets.view(false, true), &DATA, &still).expect("steps");
+    trainer.settle(&mut gaussians).expect("settles");
     let cleared = gaussians.statistics().expect("reads");
     assert!(largest > 0.0 && cleared.iter().all(|s| s.views == 0.0), "language alone adds nothing");
 }

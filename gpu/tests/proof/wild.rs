@@ -7,7 +7,7 @@
 
 use lexsplat_gpu::{
     Camera, ColorTarget, Gaussians, Gpu, GpuError, HostGaussians, HostHead, LanguageTarget,
-    LearningRates, LossWeights, Renderer, TrainingView,
+    LearningRates, LossWeights, Renderer, Trainer, TrainingView,
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
@@ -140,25 +140,25 @@ fn is_usable(camera: &Camera) -> bool {
 /// Everything that must hold, whatever the bytes: no panic; no error but that for a camera that
 /// cannot be used; no value in a picture that is not finite; opacities and shares in [0, 1]; a
 /// step leaves every finite parameter finite; and the picture after it is as good.
-pub fn hold(gpu: &Gpu, renderer: &mut Renderer, bytes: &[u8]) -> Outcome {
+pub fn hold(gpu: &Gpu, trainer: &mut Trainer, bytes: &[u8]) -> Outcome {
     let (scene, camera) = scene_from_bytes(bytes);
     let mut map = Gaussians::new(gpu, CHANNELS);
     map.append(&scene).expect("shapes agree");
-    let first = renderer.render_color(&map, &camera);
+    let first = trainer.renderer().render_color(&map, &camera);
     if !is_usable(&camera) {
         let error = first.expect_err("the camera cannot be used");
         assert!(matches!(error, GpuError::BadValue { what: "camera", .. }), "{error}");
         return Outcome::Refused;
     }
     first.unwrap_or_else(|error| panic!("{error} with {camera:?}"));
-    let drawn = check_pictures(renderer, &map, &camera, "before the step");
-    step(gpu, renderer, &mut map, &camera);
+    let drawn = check_pictures(trainer.renderer(), &map, &camera, "before the step");
+    step(gpu, trainer, &mut map, &camera);
     let after = map.to_host().expect("reads");
     for (name, before, after) in pairs(&scene, &after) {
         let kept = before.iter().zip(&after).all(|(b, a)| !b.is_finite() || a.is_finite());
         assert!(kept, "{name}: a step made {before:?} into {after:?}");
     }
-    check_pictures(renderer, &map, &camera, "after the step");
+    check_pictures(trainer.renderer(), &map, &camera, "after the step");
     if drawn { Outcome::Drawn } else { Outcome::Empty }
 }
 
@@ -189,7 +189,7 @@ fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, whe
     color.opacity.iter().any(|opacity| *opacity > 0.0)
 }
 
-fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera) {
+fn step(gpu: &Gpu, trainer: &mut Trainer, map: &mut Gaussians, camera: &Camera) {
     let pixels = camera.pixels();
     let size = (camera.width, camera.height);
     let color = ColorTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
@@ -203,8 +203,8 @@ fn step(gpu: &Gpu, renderer: &mut Renderer, map: &mut Gaussians, camera: &Camera
         exposure: [0.1, -0.05],
     };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
-    renderer.step(map, &view, &weights, &rates).expect("the camera can be used");
-    let losses = renderer.last_report(map).expect("settles").losses;
+    trainer.step(map, &view, &weights, &rates).expect("the camera can be used");
+    let losses = trainer.last_report(map).expect("settles").losses;
     let all = [losses.color, losses.depth, losses.language, losses.isotropic, losses.tie];
     assert!(all.iter().all(|loss| loss.is_finite() && *loss >= 0.0), "{losses:?}");
 }

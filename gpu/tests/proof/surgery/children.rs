@@ -4,8 +4,8 @@ use super::densify::{densified, seen};
 use super::{CHANNELS, RULES, map, pick};
 use crate::support;
 
-use lexsplat_gpu::densify::oracle;
-use lexsplat_gpu::layout::SPLIT_SHRINK;
+use crate::oracle::densify as oracle;
+use lexsplat_gpu::shader::layout::SPLIT_SHRINK;
 use lexsplat_gpu::{DensifyRules, Gpu, HostGaussians, Renderer, Statistics};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 

@@ -3,8 +3,8 @@
 use super::{CHANNELS, LENGTHS, RULES, map, pick};
 use crate::support;
 
-use lexsplat_gpu::densify::oracle::{self, Fate};
-use lexsplat_gpu::layout::{CHILD, FRESH, INDEX_MASK};
+use crate::oracle::densify::{self as oracle, Fate};
+use lexsplat_gpu::shader::layout::{CHILD, FRESH, INDEX_MASK};
 use lexsplat_gpu::{DensifyCounts, DensifyRules, Gpu, GpuError, HostGaussians, Statistics};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

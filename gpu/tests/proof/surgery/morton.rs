@@ -3,7 +3,8 @@
 use super::{CHANNELS, LENGTHS, map, pick};
 use crate::support;
 
-use lexsplat_gpu::{Camera, Renderer, morton};
+use crate::oracle;
+use lexsplat_gpu::{Camera, Renderer};
 use nalgebra::{Isometry3, Vector3};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -20,7 +21,7 @@ fn morton_order_is_the_oracles() {
         }
         let mut map = map(&gpu, &host);
         map.reorder_morton().expect("fits");
-        let order = morton::oracle::order(&host.means);
+        let order = oracle::morton::order(&host.means);
         let bits = |means: &[[f32; 3]]| means.iter().flatten().map(|v| v.to_bits()).collect();
         let (found, wanted) = (map.to_host().expect("reads"), pick(&host, &order));
         let (found_bits, wanted_bits): (Vec<u32>, Vec<u32>) =
@@ -37,7 +38,7 @@ fn morton_order_is_the_oracles() {
 
 #[test]
 fn the_oracles_codes_are_known_ones() {
-    let code = |mean| morton::oracle::code(mean, [0.0; 3], [1.0, 2.0, 4.0]);
+    let code = |mean| oracle::morton::code(mean, [0.0; 3], [1.0, 2.0, 4.0]);
     assert_eq!(code([0.0; 3]), 0);
     assert_eq!(code([1.0, 2.0, 4.0]), (1 << 30) - 1);
     assert_eq!(code([1.0, 0.0, 0.0]), 0x0924_9249);

@@ -4,10 +4,10 @@ use super::densify::seen;
 use super::{CHANNELS, LENGTHS, RULES, map, pick};
 use crate::support;
 
-use lexsplat_gpu::buffer::Buffer;
 use lexsplat_gpu::{
-    Camera, ColorTarget, DensifyCounts, DensifyRules, Gaussians, Gpu, GpuError, HostGaussians,
-    LanguageTarget, LearningRates, LossWeights, Renderer, Statistics, TrainingView,
+    Buffer, Camera, ColorTarget, DensifyCounts, DensifyRules, Gaussians, Gpu, GpuError,
+    HostGaussians, LanguageTarget, LearningRates, LossWeights, Renderer, Statistics, Trainer,
+    TrainingView,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -64,7 +64,7 @@ fn training_goes_on_as_if_the_removed_had_never_been() {
     }
     let seen: Vec<u32> = (0..120).filter(|i| !hidden(*i as usize)).collect();
     let keep: Vec<bool> = (0..120).map(|i| !hidden(i)).collect();
-    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let mut train = |map: &mut Gaussians| {
         let view = TrainingView {
             camera: &camera,
@@ -74,7 +74,7 @@ fn training_goes_on_as_if_the_removed_had_never_been() {
         };
         let weights = LossWeights { isotropic: 0.0, tie: 0.0, ..LossWeights::default() };
         for _ in 0..4 {
-            renderer.step(map, &view, &weights, &LearningRates::default()).expect("steps");
+            trainer.step(map, &view, &weights, &LearningRates::default()).expect("steps");
         }
     };
     let (mut whole, mut cut) = (map(&gpu, &host), map(&gpu, &host));

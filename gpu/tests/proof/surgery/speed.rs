@@ -6,8 +6,7 @@ use crate::support;
 
 use std::time::{Duration, Instant};
 
-use lexsplat_gpu::buffer::Buffer;
-use lexsplat_gpu::{DensifyRules, Gaussians, Gpu, HostGaussians, Statistics};
+use lexsplat_gpu::{Buffer, DensifyRules, Gaussians, Gpu, HostGaussians, Statistics};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;

@@ -25,7 +25,7 @@ impl Mapper {
         };
         let old = self.online.boxed_clone();
         let advanced = self.online.observe(&map.codes);
-        self.renderer.settle(&mut self.gaussians)?;
+        self.trainer.settle(&mut self.gaussians)?;
         let (means, mut codes) =
             (self.gaussians.read_means()?, self.gaussians.read_language_features()?);
         if advanced {

@@ -28,7 +28,7 @@ use crate::telemetry::{
     COMPRESSION_SECONDS, INSERTION_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
 };
 use keyframe::Keyframe;
-use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Renderer, Ties};
+use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Ties, Trainer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
@@ -56,9 +56,9 @@ pub(super) fn spawn(
     config: &PipelineConfig,
 ) -> Result<(Arc<Map>, JoinHandle<()>), String> {
     let online = compressor::online(&config.compressor);
-    let mut renderer = Renderer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
+    let mut trainer = Trainer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
     let TiesConfig { rotation, scale, opacity } = config.mapper.ties;
-    renderer.set_ties(Ties { rotation, scale, opacity });
+    trainer.set_ties(Ties { rotation, scale, opacity });
     let gaussians = Gaussians::new(gpu, online.code_size());
     let empty = MapSnapshot {
         map: name.to_owned(),
@@ -79,7 +79,7 @@ pub(super) fn spawn(
         tracker: Tracker::new(gpu, &config.tracker),
         tracker_config: config.tracker.clone(),
         online,
-        renderer,
+        trainer,
         gaussians,
         keyframes: Vec::new(),
         trajectory: Trajectory::default(),
@@ -113,7 +113,7 @@ struct Mapper {
     tracker: Tracker,
     tracker_config: TrackerConfig,
     online: Box<dyn OnlineStage>,
-    renderer: Renderer,
+    trainer: Trainer,
     gaussians: Gaussians,
     keyframes: Vec<Keyframe>,
     trajectory: Trajectory,
@@ -241,7 +241,7 @@ impl Mapper {
     /// One frame's way through the map.
     fn map_frame(&mut self, frame: Frame) -> Result<FrameOutcome, GpuError> {
         let sequence = frame.sequence;
-        let mut scene = Scene { renderer: &mut self.renderer, gaussians: &self.gaussians };
+        let mut scene = Scene { trainer: &mut self.trainer, gaussians: &self.gaussians };
         let tracked = timed(TRACKING_SECONDS, || self.tracker.track(&frame, &mut scene))?;
         let mut is_keyframe = false;
         if let Some(tracked) = &tracked {
@@ -317,7 +317,7 @@ impl Mapper {
     /// Copies the map for readers.
     fn publish(&mut self) -> Result<(), GpuError> {
         if self.changed {
-            self.renderer.settle(&mut self.gaussians)?;
+            self.trainer.settle(&mut self.gaussians)?;
             self.published = Arc::new(self.gaussians.to_host()?);
             self.revision += 1;
         }

@@ -30,7 +30,7 @@ impl Mapper {
             exposure: keyframe.frame.exposure,
         };
         let (weights, rates) = (weights(&self.config), rates(&self.config, self.steps.heat()));
-        self.renderer.step(&mut self.gaussians, &view, &weights, &rates)?;
+        self.trainer.step(&mut self.gaussians, &view, &weights, &rates)?;
         self.changed = true;
         if color && self.is_refined(at) {
             self.refine(at)?;

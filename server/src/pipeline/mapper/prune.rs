@@ -11,7 +11,7 @@ impl Mapper {
     /// Removes Gaussians that are transparent in **both** heads (paper §4.3), or not finite. A large
     /// one may be all that shows a far wall: it stays.
     pub(super) fn prune(&mut self) -> Result<(), GpuError> {
-        self.renderer.settle(&mut self.gaussians)?;
+        self.trainer.settle(&mut self.gaussians)?;
         let counts = self.gaussians.densify(&rules(&self.config))?;
         if counts.pruned > 0 {
             tracing::debug!(map = self.map.name(), removed = counts.pruned, "pruned");

@@ -21,7 +21,7 @@ impl Mapper {
     /// Moves a keyframe by what the step on it found. Waits for the step.
     pub(super) fn refine(&mut self, at: usize) -> Result<(), GpuError> {
         let StepReport { pose_gradient, exposure_gradient, .. } =
-            self.renderer.last_report(&mut self.gaussians)?;
+            self.trainer.last_report(&mut self.gaussians)?;
         let numbers = pose_gradient.iter().chain(&exposure_gradient).copied().map(f64::from);
         let gradient = SVector::<f64, 8>::from_iterator(numbers);
         if !gradient.iter().all(|value| value.is_finite()) {

@@ -9,8 +9,8 @@ use super::joint::{self, Reference, adjoint};
 use super::judge::Evidence;
 use super::places::Place;
 use super::{Scene, TrackerConfig};
+use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
-use lexsplat_gpu::kernel::Recorder;
 use lexsplat_gpu::pyramid;
 use lexsplat_gpu::{
     AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, Pyramid, Pyramids, Schedule,
@@ -246,7 +246,7 @@ impl Front {
     ) -> Result<(), GpuError> {
         let camera_from_world = world_from_base.inverse().cast();
         let camera = Camera { camera_from_world, ..self.camera.clone() };
-        let drawn = scene.renderer.draw_color(scene.gaussians, &camera)?;
+        let drawn = scene.trainer.renderer().draw_color(scene.gaussians, &camera)?;
         let drawn = drawn.expect("the tracker does not ask an empty map");
         let mut recorder = Recorder::new(&self.gpu)?;
         let image = (drawn.image, drawn.pixels);

@@ -27,7 +27,7 @@ use super::frame::{Frame, TrackingState};
 use super::working::Working;
 use align::{Candidate, Front, Start};
 use judge::Evidence;
-use lexsplat_gpu::{Gaussians, Gpu, GpuError, Renderer};
+use lexsplat_gpu::{Gaussians, Gpu, GpuError, Trainer};
 use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
 use places::{Places, Thumbnail};
@@ -35,7 +35,7 @@ use places::{Places, Thumbnail};
 /// The map as the tracker sees it.
 pub(super) struct Scene<'a> {
     /// Draws it.
-    pub renderer: &'a mut Renderer,
+    pub trainer: &'a mut Trainer,
     /// What is drawn.
     pub gaussians: &'a Gaussians,
 }

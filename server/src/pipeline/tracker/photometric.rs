@@ -40,7 +40,7 @@ pub(super) fn track(
         let camera =
             Camera { camera_from_world: camera_from_world.cast(), ..working.camera.clone() };
         let view = (&camera, &target);
-        let StepReport { pose_gradient, exposure_gradient, .. } = scene.renderer.look(
+        let StepReport { pose_gradient, exposure_gradient, .. } = scene.trainer.look(
             scene.gaussians,
             view,
             exposure.map(|value| value as f32),

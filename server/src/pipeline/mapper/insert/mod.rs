@@ -20,7 +20,8 @@ use tried::Tried;
 impl Mapper {
     /// Appends what the keyframe shows and the map does not have.
     pub(super) fn insert(&mut self, keyframe: &Keyframe) -> Result<(), GpuError> {
-        let rendered = self.renderer.render_color(&self.gaussians, &keyframe.working.camera)?;
+        let rendered =
+            self.trainer.renderer().render_color(&self.gaussians, &keyframe.working.camera)?;
         let room = self.config.max_gaussians.saturating_sub(self.gaussians.len());
         let depths = keyframe.working.depth_metres.iter().copied();
         self.farthest_metres = depths.fold(self.farthest_metres, f32::max);

@@ -1,0 +1,26 @@
+//! The kernels that rearrange a map.
+
+use crate::device::{Gpu, GpuError};
+use crate::map::densify::Densify;
+use crate::map::morton::Morton;
+use crate::primitives::gather::Gather;
+use crate::primitives::sort::Sort;
+
+/// The kernels that rearrange a map. They are compiled at the first use.
+pub(super) struct Tools {
+    pub(super) gather: Gather,
+    pub(super) densify: Densify,
+    pub(super) morton: Morton,
+    pub(super) sort: Sort,
+}
+
+impl Tools {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            gather: Gather::new(gpu)?,
+            densify: Densify::new(gpu)?,
+            morton: Morton::new(gpu)?,
+            sort: Sort::new(gpu)?,
+        })
+    }
+}

@@ -1,0 +1,188 @@
+//! From splats to lists: every (Gaussian, tile) pair that may matter is a hit; hits are grouped by
+//! tile and stay in depth order inside a tile.
+//!
+//! A Gaussian's hits have consecutive slots, in depth order over Gaussians; lists hold slots, so that
+//! the backward blend can leave one record per slot and no atomic is needed. When there are more hits
+//! than slots, the rest is dropped and [`HitCount`] says so: the pass must be repeated.
+//!
+//! Grouping is a stable sort by tile ([`sorted`]). An adapter with few threads counts instead
+//! ([`counted`]): each thread walks over a run of hits twice, which spares writing and sorting keys.
+
+use crate::device::{Buffer, Gpu, GpuError};
+use crate::pass::order::Ranks;
+use crate::pass::projected::Projected;
+use crate::primitives::scan::ScanScratch;
+use crate::primitives::sort::{Sort, SortShape};
+use crate::shader::layout::{Coverage, HitCount, PassArguments};
+use crate::shader::{Access, Constant, GRID, Kernel, Recorder, Shader, Tiling};
+
+mod counted;
+mod sorted;
+
+/// The kernels that make lists.
+pub struct Tiles {
+    rank: Kernel,
+    group: Group,
+}
+
+/// The two ways of grouping.
+enum Group {
+    Sorted(sorted::Sorted),
+    Counted(counted::Counted),
+}
+
+/// The lists of one head.
+pub struct Hits {
+    scan: ScanScratch,
+    group: GroupBuffers,
+    /// Which tiles each rank hits.
+    coverage_from_rank: Buffer<Coverage>,
+    /// First slot of each rank; one more element than Gaussians.
+    pub slot_from_rank: Buffer<u32>,
+    /// Gaussian of each hit, by tile, then by depth.
+    pub gaussian_from_sorted: Buffer<u32>,
+    /// First and end of each tile's list.
+    pub ranges: Buffer<[u32; 2]>,
+    /// How many there are.
+    pub count: Buffer<HitCount>,
+}
+
+enum GroupBuffers {
+    Sorted(sorted::Keys),
+    Counted(counted::Table),
+}
+
+/// A view whose Gaussians are projected and ranked.
+#[derive(Clone, Copy)]
+struct View<'a> {
+    arguments: &'a PassArguments,
+    projected: &'a Projected,
+    ranks: &'a Ranks,
+    sort: &'a Sort,
+}
+
+/// This kernel's shaders.
+pub fn shaders(tiling: Tiling, shape: SortShape) -> Vec<Shader> {
+    let rank = Shader {
+        label: "tiles_rank",
+        entry: "main",
+        parts: vec![GRID, include_str!("rank.wgsl")],
+        constants: Vec::new(),
+        bindings: [[Access::Read; 3].as_slice(), &[Access::Write; 2]].concat(),
+    };
+    let group_size = ("SORT_GROUP", Constant::U32(shape.group));
+    let mut constants = tiling.constants(1, 1);
+    constants.push(group_size);
+    let shader = |label, parts, bindings| Shader {
+        label,
+        entry: "main",
+        parts,
+        constants: constants.clone(),
+        bindings,
+    };
+    [rank].into_iter().chain(sorted::shaders(&shader)).chain(counted::shaders(&shader)).collect()
+}
+
+/// Makes a shader from label, parts and bindings.
+type Compose<'a> = dyn Fn(&'static str, Vec<&'static str>, Vec<Access>) -> Shader + 'a;
+
+impl Hits {
+    /// Room for `capacity` hits of `gaussians` Gaussians in `tiles` tiles.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn new(
+        gpu: &Gpu,
+        sort: &Sort,
+        capacity: usize,
+        (gaussians, tiles): (usize, usize),
+    ) -> Result<Self, GpuError> {
+        let group = if gpu.tier().counts_tiles() {
+            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, (gaussians, tiles))?)
+        } else {
+            GroupBuffers::Sorted(sorted::Keys::new(gpu, sort, capacity, tiles)?)
+        };
+        Ok(Self {
+            scan: sort.scan().scratch(gpu, gaussians + 1)?,
+            group,
+            coverage_from_rank: Buffer::new(gpu, "coverage by rank", gaussians)?,
+            slot_from_rank: Buffer::new(gpu, "slots", gaussians + 1)?,
+            gaussian_from_sorted: Buffer::new(gpu, "gaussian from sorted", capacity)?,
+            ranges: Buffer::new(gpu, "tile ranges", tiles)?,
+            count: Buffer::new(gpu, "hit count", 1)?,
+        })
+    }
+
+    /// Number of hits that fit.
+    pub fn capacity(&self) -> usize {
+        self.gaussian_from_sorted.len()
+    }
+
+    /// Slots by tile, then by depth.
+    pub fn slot_from_sorted(&self) -> &Buffer<u32> {
+        match &self.group {
+            GroupBuffers::Sorted(keys) => keys.slot_from_sorted(),
+            GroupBuffers::Counted(table) => &table.slot_from_sorted,
+        }
+    }
+
+    /// Bytes on the device.
+    pub fn device_bytes(&self) -> u64 {
+        let group = match &self.group {
+            GroupBuffers::Sorted(keys) => keys.device_bytes(),
+            GroupBuffers::Counted(table) => table.device_bytes(),
+        };
+        group + self.slot_from_rank.size() + self.gaussian_from_sorted.size() + self.ranges.size()
+    }
+}
+
+impl Tiles {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let shaders = shaders(Tiling::of(gpu.tier()), SortShape::of(gpu.tier()));
+        let group = if gpu.tier().counts_tiles() {
+            Group::Counted(counted::Counted::new(gpu, &shaders)?)
+        } else {
+            Group::Sorted(sorted::Sorted::new(gpu, &shaders)?)
+        };
+        Ok(Self { rank: kernel(gpu, &shaders, "tiles_rank")?, group })
+    }
+
+    /// Makes the lists of a view from projected Gaussians and their ranks.
+    pub fn list(
+        &self,
+        recorder: &mut Recorder<'_>,
+        arguments: &PassArguments,
+        (projected, ranks): (&Projected, &Ranks),
+        (hits, sort): (&Hits, &Sort),
+    ) {
+        let count = arguments.count as usize + 1;
+        let counted: [&wgpu::Buffer; 5] = [
+            &ranks.visible,
+            &ranks.gaussian_from_rank,
+            &projected.coverage,
+            &hits.slot_from_rank,
+            &hits.coverage_from_rank,
+        ];
+        recorder.dispatch_threads(&self.rank, arguments, &counted, count);
+        sort.scan().exclusive(recorder, &hits.slot_from_rank, count, &hits.scan);
+        let view = View { arguments, projected, ranks, sort };
+        match (&self.group, &hits.group) {
+            (Group::Sorted(sorted), GroupBuffers::Sorted(keys)) => {
+                sorted.group(recorder, view, hits, keys);
+            }
+            (Group::Counted(counted), GroupBuffers::Counted(table)) => {
+                counted.group(recorder, view, hits, table);
+            }
+            _ => unreachable!("kernels and buffers are made for the same device"),
+        }
+    }
+}
+
+fn kernel(gpu: &Gpu, shaders: &[Shader], label: &str) -> Result<Kernel, GpuError> {
+    let shader = shaders.iter().find(|shader| shader.label == label);
+    Kernel::new(gpu, shader.expect("every label is a shader of this kernel"))
+}

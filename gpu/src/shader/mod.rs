@@ -1,0 +1,16 @@
+//! WGSL kernels: composing their text, compiling it and dispatching it.
+
+mod compose;
+mod kernel;
+pub mod layout;
+mod recorder;
+mod shared;
+mod tiling;
+
+pub use compose::{Access, Constant, Shader};
+pub use kernel::Kernel;
+pub use recorder::Recorder;
+pub use shared::{
+    CONIC, EXTENT, GEOMETRY, GRID, HITS, LANES_SUBGROUP, LANES_WORKGROUP, SCALES, TILE,
+};
+pub use tiling::Tiling;

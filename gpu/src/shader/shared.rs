@@ -1,0 +1,20 @@
+//! WGSL functions that several kernels use.
+
+/// Shared WGSL: the index of a thread in a grid that was split over two axes.
+pub const GRID: &str = include_str!("shared/grid.wgsl");
+/// Shared WGSL: pixels of a lane, and one Gaussian at four pixels.
+pub const TILE: &str = include_str!("shared/tile.wgsl");
+/// Shared WGSL: how a batch of hits is loaded and handed round.
+pub const HITS: &str = include_str!("shared/hits.wgsl");
+/// Shared WGSL: how lanes talk where a tile is one subgroup.
+pub const LANES_SUBGROUP: &str = include_str!("shared/lanes_subgroup.wgsl");
+/// Shared WGSL: how lanes talk through workgroup memory.
+pub const LANES_WORKGROUP: &str = include_str!("shared/lanes_workgroup.wgsl");
+/// Shared WGSL: the conic of a splat.
+pub const CONIC: &str = include_str!("shared/conic.wgsl");
+/// Shared WGSL: which tiles a splat meets; needs [`CONIC`].
+pub const EXTENT: &str = include_str!("shared/extent.wgsl");
+/// Shared WGSL: log scales to scales.
+pub const SCALES: &str = include_str!("shared/scales.wgsl");
+/// Shared WGSL: quaternion to matrix, and covariance in the image.
+pub const GEOMETRY: &str = include_str!("shared/geometry.wgsl");

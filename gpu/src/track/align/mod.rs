@@ -1,0 +1,320 @@
+//! Where was the camera? One Gauss-Newton normal system between what the map looks like from a
+//! predicted pose (reference) and what the camera sees (live), both [`Level`]s of one size; and
+//! [`Aligner::align`], the loop over levels and steps.
+//!
+//! With q = T p the point of a live pixel in the reference camera, T = `reference_from_live`:
+//!
+//! - photometric: r = I_ref(pi(q)) - (exp(a) I_live + b), J = [s, q x s, -exp(a) I_live, -1] with
+//!   s = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (the slopes are
+//!   smoother than the interpolation's own, which jump wherever pi(q) meets a pixel's centre, as
+//!   it does all over when T is the identity). Accepted where all four have an intensity and the
+//!   point is on the reference's surface. Huber.
+//! - geometric: r = n_ref . (q - p_ref), J = [n, q x n, 0, 0], point to plane at the nearest
+//!   reference pixel; accepted where the point is on the reference's surface. Huber or Cauchy.
+//!
+//! On the surface: at most `depth_gate` and [`GATE_SIGMAS`] of the depth's own noise from the plane
+//! (p_ref, n_ref), with normals that agree. A point that the reference does not see, being behind
+//! something, is not there; nor is one at an edge of depth, which has no normal and whose colors
+//! are mixed. A gate along z would keep both where surfaces are a hand's breadth apart, and
+//! lose floors seen at a low angle: between two pictures that share 70 % it made poses worse by
+//! two orders of magnitude (`BENCHMARKS.md`).
+//!
+//! [`GATE_SIGMAS`]: crate::shader::layout::GATE_SIGMAS
+//!
+//! Perturbation T <- Exp(tau) T, tau = [rho, theta] (metres, radians). A term adds
+//! `weight rho'(r)/r J J^T` to H, `weight rho'(r) J` to g and `weight rho(r)` to its cost. A
+//! thread sums [`SYSTEM_RUN`] pixels, the sums are summed in a fixed order, 52 numbers come back.
+
+use nalgebra::Isometry3;
+
+use crate::device::{Buffer, Gpu, GpuError};
+use crate::shader::layout::{
+    AlignArguments, ArrayArguments, GROUP, RUN, Row, SYSTEM_ROWS, SYSTEM_RUN,
+};
+use crate::shader::{Access, Constant, GRID, Kernel, Recorder, Shader};
+use crate::track::pyramid::{Level, Pyramid};
+
+mod normal_system;
+pub mod se3;
+mod solve;
+
+pub use normal_system::{Counts, EXPOSURE_LIMIT, NormalSystem, Prior, Step};
+pub use solve::{Aligned, Schedule, align};
+
+/// What is looked for; by default the reference's own pose and exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimate {
+    /// Maps points of the live camera, metres, into the reference camera.
+    pub reference_from_live: Isometry3<f64>,
+    /// (a, b): reference intensity = exp(a) live intensity + b.
+    pub exposure: [f64; 2],
+}
+
+/// Shape of a robust cost for residuals above its threshold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Robust {
+    /// Grows linearly.
+    #[default]
+    Huber,
+    /// Grows logarithmically: outliers lose their pull.
+    Cauchy,
+}
+
+/// Weights, thresholds and gates of a normal system.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignSettings {
+    /// Of the photometric term, 1 / intensity²; 0 switches it off.
+    pub photometric_weight: f64,
+    /// Residual from which the photometric cost grows linearly; intensity.
+    pub photometric_threshold: f64,
+    /// Residual above which a pixel is no photometric inlier; intensity.
+    pub photometric_agreement: f64,
+    /// Of the geometric term, 1 / metres²; 0 switches it off.
+    pub geometric_weight: f64,
+    /// Standard deviation of a depth of one metre, metres. It grows with the depth squared, as
+    /// structured light and stereo measure, and lowers the weight of a point:
+    /// 1 / (1 / geometric_weight + (depth_noise z²)²).
+    pub depth_noise: f64,
+    /// Residual from which the geometric cost grows slowly; metres.
+    pub geometric_threshold: f64,
+    /// Residual above which a pixel is no geometric inlier; metres.
+    pub geometric_agreement: f64,
+    /// How slowly.
+    pub geometric_robust: Robust,
+    /// Points farther than this from the plane of the reference's surface are another surface;
+    /// metres, beside [`GATE_SIGMAS`](crate::shader::layout::GATE_SIGMAS) of `depth_noise`.
+    /// [`AlignSettings::at_level`] quadruples it with each coarser level.
+    pub depth_gate: f64,
+    /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
+    /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
+    pub normal_gate: f64,
+    /// One of so many live pixels is looked at; [`AlignSettings::at_level`] looks at all of a coarser level's.
+    pub stride: u32,
+}
+
+impl Default for AlignSettings {
+    /// Weights of an intensity known to 0.03 and a surface known to 1 cm.
+    fn default() -> Self {
+        Self {
+            photometric_weight: 1e3,
+            photometric_threshold: 0.02,
+            photometric_agreement: 0.05,
+            geometric_weight: 1e4,
+            depth_noise: 0.0,
+            geometric_threshold: 0.005,
+            geometric_agreement: 0.02,
+            geometric_robust: Robust::Huber,
+            depth_gate: 0.02,
+            normal_gate: 0.5,
+            stride: 1,
+        }
+    }
+}
+
+/// The kernels and their scratch.
+pub struct Aligner {
+    gpu: Gpu,
+    huber: Kernel,
+    cauchy: Kernel,
+    sum: Kernel,
+    partials: [Buffer<Row>; 2],
+}
+
+/// This kernel's shaders.
+pub fn shaders() -> [Shader; 3] {
+    use Access::{Read, Write};
+    let system = |label, cauchy| Shader {
+        label,
+        entry: "main",
+        parts: vec![GRID, include_str!("system.wgsl")],
+        constants: vec![("CAUCHY", Constant::Bool(cauchy)), ("ROWS", Constant::U32(SYSTEM_ROWS))],
+        bindings: vec![Read, Read, Read, Read, Write],
+    };
+    let sum = Shader {
+        label: "align_sum",
+        entry: "main",
+        parts: vec![GRID, include_str!("sum.wgsl")],
+        constants: Vec::new(),
+        bindings: vec![Read, Write],
+    };
+    [system("align_huber", false), system("align_cauchy", true), sum]
+}
+
+impl Aligner {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let [huber, cauchy, sum] = shaders();
+        let empty = || Buffer::new(gpu, "normal systems", 0);
+        Ok(Self {
+            gpu: gpu.clone(),
+            huber: Kernel::new(gpu, &huber)?,
+            cauchy: Kernel::new(gpu, &cauchy)?,
+            sum: Kernel::new(gpu, &sum)?,
+            partials: [empty()?, empty()?],
+        })
+    }
+
+    /// The normal system of a live level against a reference level at an estimate.
+    ///
+    /// # Errors
+    /// [`GpuError::BadValue`] for an estimate that is not finite or settings that cannot be used,
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn system(
+        &mut self,
+        reference: &Level,
+        live: &Level,
+        estimate: &Estimate,
+        settings: &AlignSettings,
+    ) -> Result<NormalSystem, GpuError> {
+        estimate.check()?;
+        settings.check()?;
+        let arguments = arguments(reference, live, estimate, settings);
+        let groups = arguments.count.div_ceil(GROUP * SYSTEM_RUN);
+        self.reserve((groups * GROUP) as usize)?;
+        let kernel = match settings.geometric_robust {
+            Robust::Huber => &self.huber,
+            Robust::Cauchy => &self.cauchy,
+        };
+        let mut recorder = Recorder::new(&self.gpu)?;
+        let buffers: [&wgpu::Buffer; 5] =
+            [&reference.rows, &reference.normals, &live.rows, &live.normals, &self.partials[0]];
+        recorder.dispatch(kernel, &arguments, &buffers, groups);
+        let result = self.sum(&mut recorder, groups * GROUP);
+        recorder.submit();
+        let rows = self.partials[result].read(&self.gpu, SYSTEM_ROWS as usize)?;
+        Ok(NormalSystem::from_sums(rows.as_flattened()))
+    }
+
+    /// Coarse to fine from `start` to where the live image was taken: [`align`] on the device.
+    ///
+    /// # Errors
+    /// As [`Aligner::system`]; [`GpuError::ShapeMismatch`] when the pyramids have not as many
+    /// levels as the schedule, or more.
+    pub fn align(
+        &mut self,
+        reference: &Pyramid,
+        live: &Pyramid,
+        start: &Estimate,
+        schedule: &Schedule,
+    ) -> Result<Aligned, GpuError> {
+        let available = reference.levels().len().min(live.levels().len());
+        let wanted = schedule.steps.len();
+        crate::device::expect_len("levels", wanted, available.min(wanted))?;
+        align(start, schedule, |level, estimate| {
+            let levels = (&reference.levels()[level], &live.levels()[level]);
+            self.system(levels.0, levels.1, estimate, &schedule.settings.at_level(level))
+        })
+    }
+
+    /// Records the sum of `count` partial systems; which side holds it.
+    fn sum(&self, recorder: &mut Recorder<'_>, mut count: u32) -> usize {
+        let mut side = 0;
+        while count > 1 {
+            let runs = count.div_ceil(RUN);
+            let arguments = ArrayArguments { count, detail: 0 };
+            let buffers: [&wgpu::Buffer; 2] = [&self.partials[side], &self.partials[1 - side]];
+            let threads = (runs * SYSTEM_ROWS) as usize;
+            recorder.dispatch_threads(&self.sum, &arguments, &buffers, threads);
+            (count, side) = (runs, 1 - side);
+        }
+        side
+    }
+
+    /// Room for `systems` partial sums.
+    fn reserve(&mut self, systems: usize) -> Result<(), GpuError> {
+        let rows = systems * SYSTEM_ROWS as usize;
+        if self.partials[0].len() < rows {
+            for side in &mut self.partials {
+                *side = Buffer::new(&self.gpu, "normal systems", rows)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Estimate {
+    fn check(&self) -> Result<(), GpuError> {
+        let pose = self.reference_from_live.to_homogeneous();
+        let finite = pose.iter().chain(&self.exposure).all(|v| v.is_finite());
+        if finite && self.exposure[0].abs() <= EXPOSURE_LIMIT {
+            return Ok(());
+        }
+        let (what, expected) = ("estimate", "finite pose and exposure, |a| at most 3");
+        Err(GpuError::BadValue { what, expected, found: format!("{self:?}") })
+    }
+}
+
+impl AlignSettings {
+    /// These settings for a coarser level, where the way to go may still be long and pixels are few.
+    #[must_use]
+    pub fn at_level(&self, level: usize) -> Self {
+        let wider = 4f64.powi(level.min(8) as i32);
+        let stride = if level == 0 { self.stride } else { 1 };
+        Self { depth_gate: self.depth_gate * wider, stride, ..*self }
+    }
+
+    fn check(&self) -> Result<(), GpuError> {
+        let weights = [self.photometric_weight, self.geometric_weight, self.depth_noise];
+        let limits = [
+            self.photometric_threshold,
+            self.photometric_agreement,
+            self.geometric_threshold,
+            self.geometric_agreement,
+            self.depth_gate,
+        ];
+        let bad = |expected| {
+            let found = format!("{self:?}");
+            Err(GpuError::BadValue { what: "align settings", expected, found })
+        };
+        if !weights.iter().all(|w| w.is_finite() && *w >= 0.0) {
+            return bad("finite weights and noise of at least 0");
+        }
+        if !limits.iter().all(|v| v.is_finite() && *v > 0.0) || !self.normal_gate.is_finite() {
+            return bad("finite thresholds, agreements and gates above 0");
+        }
+        if !(1..=64).contains(&self.stride) {
+            return bad("a stride of 1 to 64");
+        }
+        Ok(())
+    }
+}
+
+fn arguments(
+    reference: &Level,
+    live: &Level,
+    estimate: &Estimate,
+    settings: &AlignSettings,
+) -> AlignArguments {
+    let pose = estimate.reference_from_live.to_homogeneous().cast::<f32>();
+    let row = |i: usize| [pose[(i, 0)], pose[(i, 1)], pose[(i, 2)], pose[(i, 3)]];
+    let intrinsics = |level: &Level| {
+        let camera = &level.camera;
+        [camera.fx, camera.fy, camera.cx, camera.cy]
+    };
+    AlignArguments {
+        pose_x: row(0),
+        pose_y: row(1),
+        pose_z: row(2),
+        reference: intrinsics(reference),
+        live: intrinsics(live),
+        reference_size: [reference.camera.width, reference.camera.height],
+        exposure: [estimate.exposure[0].exp() as f32, estimate.exposure[1] as f32],
+        weights: [settings.photometric_weight as f32, settings.geometric_weight as f32],
+        thresholds: [
+            settings.photometric_threshold,
+            settings.geometric_threshold,
+            settings.photometric_agreement,
+            settings.geometric_agreement,
+        ]
+        .map(|threshold| threshold as f32),
+        gates: [settings.depth_gate, settings.normal_gate, settings.depth_noise, 0.0]
+            .map(|gate| gate as f32),
+        live_size: [live.camera.width, live.camera.height],
+        count: live.camera.pixels() as u32 / settings.stride,
+        stride: settings.stride,
+        unused: [0; 2],
+    }
+}

@@ -1,0 +1,173 @@
+//! Adam, fused over parameter and both moments, only for Gaussians that a pixel saw.
+//!
+//! ```text
+//! m = b1 m + (1 - b1) g,  v = b2 v + (1 - b2) g^2
+//! x -= rate m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + eps)
+//! ```
+//!
+//! t is counted per Gaussian and head. A Gaussian that was not seen keeps value and moments and
+//! costs nothing: work goes by ranks. A gradient that is not finite changes nothing. When a list of
+//! the step overflowed nothing changes at all, so that the step can be repeated.
+
+use crate::device::{Buffer, Gpu, GpuError};
+use crate::map::Parameters;
+use crate::pass::order::Ranks;
+use crate::shader::layout::{AdamArguments, ArrayArguments, HitCount, Row};
+use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
+
+/// Learning rates of one head.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeadRates {
+    /// Of the quaternion.
+    pub rotation: f32,
+    /// Of the log scale.
+    pub log_scale: f32,
+    /// Of the opacity's logit.
+    pub opacity: f32,
+    /// Of the feature: rgb, or code.
+    pub feature: f32,
+}
+
+/// Learning rates of all parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LearningRates {
+    /// Of the mean, metres.
+    pub mean: f32,
+    /// Of the color head.
+    pub color: HeadRates,
+    /// Of the language head.
+    pub language: HeadRates,
+}
+
+impl Default for LearningRates {
+    /// Those of the paper's released configuration; rgb takes the rate of the DC coefficient times
+    /// its factor 0.28209.
+    fn default() -> Self {
+        Self {
+            mean: 1.6e-4 * 6.0,
+            color: HeadRates { rotation: 1e-3, log_scale: 6e-3, opacity: 0.05, feature: 7e-4 },
+            language: HeadRates {
+                rotation: 1e-3,
+                log_scale: 1.2e-3,
+                opacity: 0.05,
+                feature: 2.5e-3,
+            },
+        }
+    }
+}
+
+impl HeadRates {
+    /// Rates of the two rows of a head's geometry.
+    pub(crate) fn geometry(&self) -> [Row; 2] {
+        let s = self.log_scale;
+        [[self.rotation; 4], [s, s, s, self.opacity]]
+    }
+}
+
+/// The kernels.
+pub struct Adam {
+    advance: Kernel,
+    update: Kernel,
+}
+
+/// Which Gaussians a step may move: they were seen, and no list overflowed.
+#[derive(Clone, Copy)]
+pub struct Seen<'a> {
+    /// The visible Gaussians.
+    pub ranks: &'a Ranks,
+    /// Record sums (see [`crate::pass::project::HeadGradients`]) and their rows per rank.
+    pub sums: (&'a Buffer<Row>, usize),
+    /// Hit counts of the passes of the step.
+    pub counts: [&'a Buffer<HitCount>; 2],
+    /// Size of the map.
+    pub count: usize,
+}
+
+/// Gradients of the parameters of one kind: the first rows of each rank's.
+#[derive(Clone, Copy)]
+pub struct Gradients<'a> {
+    /// The visible Gaussians.
+    pub ranks: &'a Ranks,
+    /// Gradients and their rows per rank.
+    pub rows: (&'a Buffer<Row>, usize),
+    /// Bias corrections; 0 for a Gaussian that is left alone.
+    pub corrections: &'a Buffer<[f32; 2]>,
+    /// Size of the map.
+    pub count: usize,
+}
+
+/// This kernel's shaders.
+pub fn shaders() -> [Shader; 2] {
+    use Access::{Read, Write};
+    let shader = |label, text, bindings| Shader {
+        label,
+        entry: "main",
+        parts: vec![GRID, text],
+        constants: Vec::new(),
+        bindings,
+    };
+    [
+        shader(
+            "adam_advance",
+            include_str!("advance.wgsl"),
+            vec![Read, Read, Read, Read, Write, Write],
+        ),
+        shader(
+            "adam_update",
+            include_str!("update.wgsl"),
+            vec![Read, Read, Read, Write, Write, Write],
+        ),
+    ]
+}
+
+impl Adam {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let [advance, update] = shaders();
+        Ok(Self { advance: Kernel::new(gpu, &advance)?, update: Kernel::new(gpu, &update)? })
+    }
+
+    /// Counts the step in `steps` for the Gaussians that may be moved, and prepares their bias
+    /// corrections.
+    pub fn advance(
+        &self,
+        recorder: &mut Recorder<'_>,
+        seen: Seen<'_>,
+        steps: &Buffer<u32>,
+        corrections: &Buffer<[f32; 2]>,
+    ) {
+        let (sums, rows) = seen.sums;
+        let arguments = ArrayArguments { count: seen.count as u32, detail: rows as u32 };
+        let [one, other] = seen.counts;
+        let gaussians = &seen.ranks.gaussian_from_visible;
+        let buffers: [&wgpu::Buffer; 6] = [gaussians, sums, one, other, steps, corrections];
+        seen.ranks.run(recorder, &self.advance, &arguments, &buffers);
+    }
+
+    /// Moves the parameters; `rates` are those of even and odd rows.
+    pub fn update(
+        &self,
+        recorder: &mut Recorder<'_>,
+        parameters: &Parameters,
+        [even, odd]: [Row; 2],
+        gradients: Gradients<'_>,
+    ) {
+        let (rows, stride) = gradients.rows;
+        let arguments = AdamArguments {
+            even,
+            odd,
+            count: gradients.count as u32,
+            rows: parameters.rows as u32,
+            stride: stride as u32,
+            unused: 0,
+        };
+        let Parameters { values, first, second, .. } = parameters;
+        let gaussians = &gradients.ranks.gaussian_from_visible;
+        let buffers: [&wgpu::Buffer; 6] =
+            [gaussians, rows, gradients.corrections, values, first, second];
+        gradients.ranks.run(recorder, &self.update, &arguments, &buffers);
+    }
+}

@@ -1,0 +1,293 @@
+//! The kernels of a training step beyond the splatting pass, and the order in which a step runs
+//! them.
+
+use crate::device::{Buffer, Gpu, GpuError};
+use crate::map::{Gaussians, HeadKind, MapSlice};
+use crate::pass::project::MOVE_ROWS;
+use crate::pass::{HeadPass, Renderer};
+use crate::primitives::reduce::{Reduce, ReduceScratch, Summands};
+use crate::shader::Recorder;
+use crate::shader::layout::Row;
+use crate::train::adam::{Adam, Gradients, HeadRates, LearningRates, Seen};
+use crate::train::loss::Loss;
+use crate::train::step::{
+    COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
+};
+use crate::train::tally::{Found, Tally};
+use crate::train::ties::{Tie, Ties};
+
+/// Loss, sums, optimiser and ties, with their scratch buffers.
+pub(super) struct StepKernels {
+    loss: Loss,
+    reduce: Reduce,
+    adam: Adam,
+    tie: Tie,
+    tally: Tally,
+    /// Which parameters the heads share.
+    pub(super) ties: Ties,
+    /// The results of the step that runs; see [`StepReport`](crate::train::StepReport).
+    pub(super) results: Buffer<Row>,
+    color: Option<HeadScratch>,
+    language: Option<HeadScratch>,
+}
+
+/// Scratch buffers for training one head.
+struct HeadScratch {
+    /// Terms of the loss, one row per pixel or per visible Gaussian.
+    terms: Buffer<Row>,
+    sums: ReduceScratch,
+    /// Bias corrections of the optimiser, one per visible Gaussian.
+    corrections: Buffer<[f32; 2]>,
+}
+
+/// A step whose forward pass is recorded.
+#[derive(Clone, Copy)]
+pub(super) struct StepContext<'a> {
+    pub(super) renderer: &'a Renderer,
+    pub(super) map: MapSlice<'a>,
+    pub(super) job: &'a StepJob,
+}
+
+impl StepKernels {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            loss: Loss::new(gpu)?,
+            reduce: Reduce::new(gpu)?,
+            adam: Adam::new(gpu)?,
+            tie: Tie::new(gpu)?,
+            tally: Tally::new(gpu)?,
+            ties: Ties::default(),
+            results: Buffer::new(gpu, "results", RESULT_ROWS)?,
+            color: None,
+            language: None,
+        })
+    }
+
+    /// Makes room for a step.
+    pub(super) fn reserve(
+        &mut self,
+        gpu: &Gpu,
+        gaussians: &Gaussians,
+        job: &StepJob,
+    ) -> Result<(), GpuError> {
+        let (map, cameras) = (gaussians.capacity(), job.cameras());
+        for (camera, slot) in
+            [(cameras.color, &mut self.color), (cameras.language, &mut self.language)]
+        {
+            let Some(camera) = camera else { continue };
+            let terms = camera.pixels().max(map);
+            let fits = |scratch: &HeadScratch| {
+                scratch.terms.len() >= terms && scratch.corrections.len() == map
+            };
+            if !slot.as_ref().is_some_and(fits) {
+                *slot = None;
+                *slot = Some(HeadScratch {
+                    terms: Buffer::new(gpu, "loss terms", terms)?,
+                    sums: ReduceScratch::new(gpu, terms)?,
+                    corrections: Buffer::new(gpu, "corrections", map)?,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Records everything that follows the forward pass: losses, backward passes and, if the job
+    /// has learning rates, the optimiser.
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
+        self.record_color(recorder, step);
+        self.record_language(recorder, step);
+        self.record_isotropic(recorder, step);
+        self.record_tie(recorder, step);
+        if let Some(rates) = &step.job.rates {
+            self.record_adam(recorder, step, rates);
+        }
+    }
+
+    fn record_color(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
+        let Some(target) = &step.job.color else { return };
+        let (pass, scratch) = self.head(step.renderer, HeadKind::Color);
+        let backward = pass.backward_buffers();
+        let buffers = (pass.image(), &backward.image_gradients, &scratch.terms);
+        self.loss.color(recorder, (target, step.job.exposure), &step.job.weights, buffers);
+        let len = step.job.camera.pixels();
+        let terms = Summands { rows: &scratch.terms, len, row: (1, 0), limit: None };
+        self.reduce.sum(recorder, terms, (&self.results, COLOR_ROW), &scratch.sums);
+        let ranks = step.renderer.binning().ranks();
+        pass.backward(recorder, ranks, step.map.arrays);
+        for (row, slot) in [(1, POSE_ROW), (2, POSE_ROW + 1)] {
+            let moves = Summands {
+                rows: &backward.gradients.moves,
+                len: step.map.count,
+                row: (MOVE_ROWS as u32, row),
+                limit: Some(&ranks.visible),
+            };
+            self.reduce.sum(recorder, moves, (&self.results, slot), &scratch.sums);
+        }
+    }
+
+    fn record_language(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
+        let Some((camera, target)) = &step.job.language else { return };
+        let (pass, scratch) = self.head(step.renderer, HeadKind::Language);
+        let image_gradients = &pass.backward_buffers().image_gradients;
+        let buffers = (pass.image(), image_gradients, &scratch.terms);
+        self.loss.language(recorder, target, &step.job.weights, buffers);
+        let len = camera.pixels();
+        let terms = Summands { rows: &scratch.terms, len, row: (1, 0), limit: None };
+        self.reduce.sum(recorder, terms, (&self.results, LANGUAGE_ROW), &scratch.sums);
+        pass.backward(recorder, step.renderer.binning().ranks(), step.map.arrays);
+    }
+
+    fn record_isotropic(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
+        let weight = step.job.weights.isotropic;
+        if step.job.color.is_none() || weight <= 0.0 {
+            return;
+        }
+        let (pass, scratch) = self.head(step.renderer, HeadKind::Color);
+        let ranks = step.renderer.binning().ranks();
+        let color = &step.map.arrays.color.geometry.values;
+        let outputs = (&pass.backward_buffers().gradients.geometry, &scratch.terms);
+        self.loss.isotropic(recorder, (weight, step.map.count), (ranks, color), outputs);
+        self.sum_visible(recorder, step, scratch, ISOTROPIC_ROW);
+    }
+
+    fn record_tie(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
+        let weight = step.job.weights.tie;
+        if step.job.language.is_none() || weight <= 0.0 || self.ties.scale {
+            return;
+        }
+        let (pass, scratch) = self.head(step.renderer, HeadKind::Language);
+        let arrays = step.map.arrays;
+        let (color, language) = (&arrays.color.geometry.values, &arrays.language.geometry.values);
+        let inputs = (step.renderer.binning().ranks(), color, language);
+        let outputs = (&pass.backward_buffers().gradients.geometry, &scratch.terms);
+        self.loss.tie(recorder, (weight, step.map.count), inputs, outputs);
+        self.sum_visible(recorder, step, scratch, TIE_ROW);
+    }
+
+    /// Sums one term of the loss over the visible Gaussians.
+    fn sum_visible(
+        &self,
+        recorder: &mut Recorder<'_>,
+        step: StepContext<'_>,
+        scratch: &HeadScratch,
+        row: u32,
+    ) {
+        let limit = Some(&*step.renderer.binning().ranks().visible);
+        let terms = Summands { rows: &scratch.terms, len: step.map.count, row: (1, 0), limit };
+        self.reduce.sum(recorder, terms, (&self.results, row), &scratch.sums);
+    }
+
+    fn record_adam(
+        &self,
+        recorder: &mut Recorder<'_>,
+        step: StepContext<'_>,
+        rates: &LearningRates,
+    ) {
+        let (color, language) = (step.job.color.is_some(), step.job.language.is_some());
+        let (ranks, count) = (step.renderer.binning().ranks(), step.map.count);
+        if color && language && !self.ties.is_none() {
+            let gradients = |head| &step.renderer.head(head).backward_buffers().gradients;
+            let both = (gradients(HeadKind::Color), gradients(HeadKind::Language));
+            self.tie.merge(recorder, (self.ties, count), both, ranks);
+        }
+        let tied = self.ties.rows();
+        let free = tied.map(|row| row.map(|tied| 1.0 - tied));
+        if color {
+            self.update_head(recorder, step, HeadKind::Color, (&rates.color, [[1.0; 4]; 2]));
+        }
+        if language {
+            self.update_head(recorder, step, HeadKind::Language, (&rates.language, free));
+        }
+        if language && !color && !self.ties.is_none() {
+            // The color head has no gradient of its own in this step: the tied parameters follow
+            // the gradient of the language head.
+            let tied_rates = scaled(rates.color.geometry(), tied);
+            let gradients = self.geometry_gradients(step, HeadKind::Language);
+            self.adam.update(recorder, &step.map.arrays.color.geometry, tied_rates, gradients);
+        }
+        if color {
+            let (pass, scratch) = self.head(step.renderer, HeadKind::Color);
+            let rows = (&pass.backward_buffers().gradients.moves, MOVE_ROWS);
+            let gradients = Gradients { ranks, rows, corrections: &scratch.corrections, count };
+            self.adam.update(recorder, &step.map.arrays.means, [[rates.mean; 4]; 2], gradients);
+            let lists = pass.lists();
+            let found = Found {
+                arguments: lists.arguments,
+                ranks,
+                corrections: &scratch.corrections,
+                gradients: &pass.backward_buffers().gradients,
+                splats: lists.splats,
+            };
+            self.tally.add(recorder, found, &step.map.arrays.statistics);
+        }
+        if !self.ties.is_none() {
+            let head = if color { HeadKind::Color } else { HeadKind::Language };
+            let moved = (ranks, &self.scratch(head).corrections);
+            let arrays = step.map.arrays;
+            let heads = (&arrays.color.geometry.values, &arrays.language.geometry.values);
+            self.tie.copy(recorder, (self.ties, count), moved, heads);
+        }
+    }
+
+    /// Counts the step for the Gaussians that the optimiser may move, then moves the geometry, with
+    /// rates multiplied by `share`, and the features.
+    fn update_head(
+        &self,
+        recorder: &mut Recorder<'_>,
+        step: StepContext<'_>,
+        head: HeadKind,
+        (rates, share): (&HeadRates, [Row; 2]),
+    ) {
+        let (pass, scratch) = self.head(step.renderer, head);
+        let (ranks, count) = (step.renderer.binning().ranks(), step.map.count);
+        let arrays = step.map.arrays.head(head);
+        let HeadScratch { corrections, .. } = scratch;
+        let gradients = &pass.backward_buffers().gradients;
+        let counts = hit_counts(step).map(HeadPass::hit_count);
+        let seen = Seen { ranks, sums: (&gradients.sums, gradients.sum_rows), counts, count };
+        self.adam.advance(recorder, seen, &arrays.steps, corrections);
+        let geometry = self.geometry_gradients(step, head);
+        self.adam.update(recorder, &arrays.geometry, scaled(rates.geometry(), share), geometry);
+        let rows = (&gradients.features, arrays.features.rows);
+        let features = Gradients { ranks, rows, corrections, count };
+        self.adam.update(recorder, &arrays.features, [[rates.feature; 4]; 2], features);
+    }
+
+    fn geometry_gradients<'a>(&'a self, step: StepContext<'a>, head: HeadKind) -> Gradients<'a> {
+        let (pass, scratch) = self.head(step.renderer, head);
+        Gradients {
+            ranks: step.renderer.binning().ranks(),
+            rows: (&pass.backward_buffers().gradients.geometry, 2),
+            corrections: &scratch.corrections,
+            count: step.map.count,
+        }
+    }
+
+    fn head<'a>(
+        &'a self,
+        renderer: &'a Renderer,
+        head: HeadKind,
+    ) -> (&'a HeadPass, &'a HeadScratch) {
+        (renderer.head(head), self.scratch(head))
+    }
+
+    fn scratch(&self, head: HeadKind) -> &HeadScratch {
+        match head {
+            HeadKind::Color => self.color.as_ref(),
+            HeadKind::Language => self.language.as_ref(),
+        }
+        .expect("reserved by the caller")
+    }
+}
+
+/// The heads of a step; one head alone stands twice.
+fn hit_counts(step: StepContext<'_>) -> [&HeadPass; 2] {
+    let color = step.job.color.as_ref().map(|_| step.renderer.head(HeadKind::Color));
+    let language = step.job.language.as_ref().map(|_| step.renderer.head(HeadKind::Language));
+    let either = color.or(language).expect("a step has a target");
+    [color.unwrap_or(either), language.unwrap_or(either)]
+}
+
+fn scaled(rates: [Row; 2], share: [Row; 2]) -> [Row; 2] {
+    std::array::from_fn(|row| std::array::from_fn(|i| rates[row][i] * share[row][i]))
+}

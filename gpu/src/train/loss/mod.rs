@@ -1,0 +1,193 @@
+//! Losses with their gradients, fused: one thread per pixel or per Gaussian.
+//!
+//! - color: `w_c mean|exp(a) rgb + b - target|` where color is valid, (a, b) being the view's
+//!   exposure, plus `w_d mean|D - D_gt|` where depth was measured. D is the blended depth, not divided by opacity, as in the paper: where the map
+//!   is thin the gradient asks for more opacity as well as for another depth.
+//! - language: `w_l mean|codes - target|` over all pixels and channels.
+//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|`; the factors are for
+//!   the mean over all Gaussians and axes, the sum goes over those that the view sees, which alone
+//!   are moved.
+//!
+//! Every mean is over its own valid values. The gradient of |x| at 0 is 0.
+
+use crate::device::{Buffer, Gpu, GpuError};
+use crate::pass::order::Ranks;
+use crate::shader::layout::{LossArguments, Row};
+use crate::shader::{Access, GRID, Kernel, Recorder, SCALES, Shader};
+use crate::train::target::{ColorTarget, LanguageTarget};
+
+/// Factors of the terms of the loss; a term with factor 0 is off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossWeights {
+    /// Of the color's mean absolute error; colors are in [0, 1].
+    pub color: f32,
+    /// Of the depth's mean absolute error, metres.
+    pub depth: f32,
+    /// Of the codes' mean absolute error.
+    pub language: f32,
+    /// Of the mean distance of a color scale from the Gaussian's mean scale, metres.
+    pub isotropic: f32,
+    /// Of the mean distance of a language scale from the color scale, metres.
+    pub tie: f32,
+}
+
+impl Default for LossWeights {
+    /// Those of the paper's released configuration.
+    fn default() -> Self {
+        Self { color: 0.95, depth: 0.05, language: 1.0, isotropic: 10.0, tie: 10.0 }
+    }
+}
+
+/// Terms of the loss of one step, each with its factor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Color term.
+    pub color: f32,
+    /// Depth term.
+    pub depth: f32,
+    /// Language term.
+    pub language: f32,
+    /// Isotropy term.
+    pub isotropic: f32,
+    /// Term that ties language scales to color scales.
+    pub tie: f32,
+}
+
+impl Losses {
+    /// Sum of all terms.
+    pub fn total(&self) -> f32 {
+        self.color + self.depth + self.language + self.isotropic + self.tie
+    }
+}
+
+/// The kernels.
+pub struct Loss {
+    color: Kernel,
+    language: Kernel,
+    isotropic: Kernel,
+    tie: Kernel,
+}
+
+/// This kernel's shaders.
+pub fn shaders() -> [Shader; 4] {
+    use Access::{Read, Write};
+    let shader = |label, text, bindings| Shader {
+        label,
+        entry: "main",
+        parts: vec![GRID, SCALES, text],
+        constants: Vec::new(),
+        bindings,
+    };
+    [
+        shader("loss_color", include_str!("color.wgsl"), vec![Read, Read, Write, Write]),
+        shader("loss_language", include_str!("language.wgsl"), vec![Read, Read, Write, Write]),
+        shader(
+            "loss_isotropic",
+            include_str!("isotropic.wgsl"),
+            vec![Read, Read, Read, Write, Write],
+        ),
+        shader("loss_tie", include_str!("tie.wgsl"), vec![Read, Read, Read, Read, Write, Write]),
+    ]
+}
+
+/// `weight / values`, and 0 when there is no value to average.
+fn share(weight: f32, values: usize) -> f32 {
+    if values == 0 { 0.0 } else { weight / values as f32 }
+}
+
+impl Loss {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let [color, language, isotropic, tie] = shaders();
+        Ok(Self {
+            color: Kernel::new(gpu, &color)?,
+            language: Kernel::new(gpu, &language)?,
+            isotropic: Kernel::new(gpu, &isotropic)?,
+            tie: Kernel::new(gpu, &tie)?,
+        })
+    }
+
+    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (color, depth, dL/da,
+    /// dL/db) for the exposure (a, b).
+    pub fn color(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (target, exposure): (&ColorTarget, [f32; 2]),
+        weights: &LossWeights,
+        (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+    ) {
+        let target = target.inner();
+        let arguments = LossArguments {
+            count: target.texels.len() as u32,
+            rows: 1,
+            first: share(weights.color, 3 * target.color_pixels),
+            second: share(weights.depth, target.depth_pixels),
+            exposure,
+            unused: [0.0; 2],
+        };
+        let buffers: [&wgpu::Buffer; 4] = [image, &target.texels, gradients, terms];
+        recorder.dispatch_threads(&self.color, &arguments, &buffers, target.texels.len());
+    }
+
+    /// dL/dimage into `gradients`, the term of each pixel into `terms` (language, 0, 0, 0).
+    pub fn language(
+        &self,
+        recorder: &mut Recorder<'_>,
+        target: &LanguageTarget,
+        weights: &LossWeights,
+        (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+    ) {
+        let target = target.inner();
+        let pixels = target.width as usize * target.height as usize;
+        let arguments = LossArguments {
+            count: pixels as u32,
+            rows: target.rows.len().checked_div(pixels).unwrap_or(0) as u32,
+            first: share(weights.language, pixels * target.channels),
+            ..LossArguments::default()
+        };
+        let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
+        recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
+    }
+
+    /// Adds the gradient of the isotropy term to that of the color geometry; `terms` gets
+    /// (isotropic, 0, 0, 0) of each rank. `count` is the size of the map.
+    pub fn isotropic(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (weight, count): (f32, usize),
+        (ranks, color): (&Ranks, &Buffer<Row>),
+        (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
+    ) {
+        let arguments = shape_arguments(weight, count);
+        let buffers: [&wgpu::Buffer; 5] =
+            [&ranks.visible, &ranks.gaussian_from_visible, color, gradients, terms];
+        ranks.run(recorder, &self.isotropic, &arguments, &buffers);
+    }
+
+    /// Adds the gradient of the tie term to that of the language geometry; `terms` gets
+    /// (tie, 0, 0, 0) of each rank. `count` is the size of the map.
+    pub fn tie(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (weight, count): (f32, usize),
+        (ranks, color, language): (&Ranks, &Buffer<Row>, &Buffer<Row>),
+        (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
+    ) {
+        let arguments = shape_arguments(weight, count);
+        let buffers: [&wgpu::Buffer; 6] =
+            [&ranks.visible, &ranks.gaussian_from_visible, color, language, gradients, terms];
+        ranks.run(recorder, &self.tie, &arguments, &buffers);
+    }
+}
+
+fn shape_arguments(weight: f32, count: usize) -> LossArguments {
+    LossArguments {
+        count: count as u32,
+        rows: 2,
+        first: share(weight, 3 * count),
+        ..LossArguments::default()
+    }
+}

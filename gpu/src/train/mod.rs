@@ -1,0 +1,14 @@
+//! Training: losses, the optimiser and the steps that they make.
+
+pub mod adam;
+mod kernels;
+pub mod loss;
+mod step;
+pub mod tally;
+mod target;
+pub mod ties;
+mod trainer;
+
+pub use step::{StepReport, TrainingView};
+pub use target::{ColorTarget, LanguageTarget};
+pub use trainer::Trainer;

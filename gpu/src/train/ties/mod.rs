@@ -1,0 +1,99 @@
+//! Ties the two heads together again, for the paper's ablation (§4.3, table of disentangled modes):
+//! a tied parameter has one value, and the gradients of both heads add up.
+
+use crate::device::{Buffer, Gpu, GpuError};
+use crate::pass::order::Ranks;
+use crate::pass::project::HeadGradients;
+use crate::shader::layout::{Row, TieArguments};
+use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
+
+/// Which parameters the two heads share; none in the paper's full method. The heads must be equal
+/// in them before the first step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ties {
+    /// Quaternions.
+    pub rotation: bool,
+    /// Log scales.
+    pub scale: bool,
+    /// Opacity logits.
+    pub opacity: bool,
+}
+
+/// The kernels.
+pub struct Tie {
+    merge: Kernel,
+    copy: Kernel,
+}
+
+/// This kernel's shaders.
+pub fn shaders() -> [Shader; 2] {
+    use Access::{Read, Write};
+    let shader = |label, text, bindings| Shader {
+        label,
+        entry: "main",
+        parts: vec![GRID, text],
+        constants: Vec::new(),
+        bindings,
+    };
+    [
+        shader("ties_merge", include_str!("merge.wgsl"), vec![Read, Read, Write, Write]),
+        shader("ties_copy", include_str!("copy.wgsl"), vec![Read, Read, Read, Write]),
+    ]
+}
+
+impl Ties {
+    /// True if the heads share nothing but the mean.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// 1 for the tied components of the two rows of a head's geometry, 0 for the others.
+    pub fn rows(&self) -> [Row; 2] {
+        let one = |tied| f32::from(u8::from(tied));
+        let (r, s, o) = (one(self.rotation), one(self.scale), one(self.opacity));
+        [[r; 4], [s, s, s, o]]
+    }
+
+    fn arguments(&self, count: usize) -> TieArguments {
+        let [even, odd] = self.rows();
+        TieArguments { even, odd, count: count as u32, ..TieArguments::default() }
+    }
+}
+
+impl Tie {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let [merge, copy] = shaders();
+        Ok(Self { merge: Kernel::new(gpu, &merge)?, copy: Kernel::new(gpu, &copy)? })
+    }
+
+    /// Adds the language head's gradients of tied parameters to the color head's.
+    pub fn merge(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (ties, count): (Ties, usize),
+        (color, language): (&HeadGradients, &HeadGradients),
+        ranks: &Ranks,
+    ) {
+        let buffers: [&wgpu::Buffer; 4] =
+            [&language.sums, &language.geometry, &color.sums, &color.geometry];
+        ranks.run(recorder, &self.merge, &ties.arguments(count), &buffers);
+    }
+
+    /// Gives the language head the color head's tied parameters, of the Gaussians that the step
+    /// moved.
+    pub fn copy(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (ties, count): (Ties, usize),
+        (ranks, corrections): (&Ranks, &Buffer<[f32; 2]>),
+        (color, language): (&Buffer<Row>, &Buffer<Row>),
+    ) {
+        let buffers: [&wgpu::Buffer; 4] =
+            [&ranks.gaussian_from_visible, corrections, color, language];
+        ranks.run(recorder, &self.copy, &ties.arguments(count), &buffers);
+    }
+}
