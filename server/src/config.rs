@@ -4,12 +4,16 @@
 //! (`LEXSPLAT__SECTION__KEY`), the command line. Out: a [`Config`] whose values are checked.
 //! A key that nobody knows is refused, with where it stands and the nearest one that is known.
 
+use crate::http::HttpConfig;
+use crate::ingest::IngestConfig;
 use crate::pipeline::compressor::CompressorConfig;
 use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
 use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
+use crate::pipeline::range::{self, OutOfRange};
 use crate::pipeline::tracker::TrackerConfig;
+use crate::telemetry::TelemetryConfig;
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Format, Toml};
@@ -75,46 +79,6 @@ impl Default for ServerConfig {
     }
 }
 
-/// What is taken from robots.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct IngestConfig {
-    /// The longest gRPC message, bytes.
-    pub max_message_bytes: usize,
-    /// The largest image, pixels; larger ones are refused before they are decoded.
-    pub max_pixels: u64,
-    /// Depth below this is no measurement, metres.
-    pub min_depth_metres: f32,
-    /// Depth above this is no measurement, metres.
-    pub max_depth_metres: f32,
-    /// Acknowledgements that a stream may have outstanding before it is read no further.
-    pub ack_backlog: usize,
-    /// How long a sender may take to read an acknowledgement, seconds.
-    pub ack_seconds: u64,
-    /// How long a stream may take to send its opening message, seconds.
-    pub open_seconds: u64,
-    /// How often a silent connection is asked whether it is still there, seconds.
-    pub keepalive_seconds: u64,
-    /// How long it may take to answer that, seconds.
-    pub keepalive_timeout_seconds: u64,
-}
-
-impl Default for IngestConfig {
-    fn default() -> Self {
-        Self {
-            max_message_bytes: 64 << 20,
-            max_pixels: 16 << 20,
-            min_depth_metres: 0.01,
-            max_depth_metres: 100.0,
-            ack_backlog: 64,
-            ack_seconds: 60,
-            open_seconds: 30,
-            keepalive_seconds: 20,
-            keepalive_timeout_seconds: 20,
-        }
-    }
-}
-
 /// The adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -122,56 +86,6 @@ pub struct GpuConfig {
     /// Substring of the adapter's name; absent: the best there is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adapter: Option<String>,
-}
-
-/// What is taken from and kept for HTTP clients.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct HttpConfig {
-    /// The longest request body, bytes.
-    pub max_body_bytes: usize,
-    /// The largest picture that is rendered, pixels.
-    pub max_render_pixels: u64,
-    /// How long a query or a picture may take, seconds.
-    pub request_seconds: u64,
-    /// Answers whose heat maps and points can still be fetched.
-    pub recent_answers: usize,
-    /// What those may take together, bytes.
-    pub recent_answers_bytes: usize,
-    /// Events of a map that a client which was away can still catch up on.
-    pub event_backlog: usize,
-    /// Origins whose pages may use this server from a browser; "*" is any. The dashboard needs none.
-    pub cors_origins: Vec<String>,
-}
-
-impl Default for HttpConfig {
-    fn default() -> Self {
-        Self {
-            max_body_bytes: 64 << 10,
-            max_render_pixels: 4 << 20,
-            request_seconds: 60,
-            recent_answers: 64,
-            recent_answers_bytes: 256 << 20,
-            event_backlog: 512,
-            cors_origins: Vec::new(),
-        }
-    }
-}
-
-/// Logs.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct TelemetryConfig {
-    /// What is logged: a level, or `target=level` pairs with commas between.
-    pub filter: String,
-    /// One JSON object per line instead of text.
-    pub json: bool,
-}
-
-impl Default for TelemetryConfig {
-    fn default() -> Self {
-        Self { filter: "info".into(), json: false }
-    }
 }
 
 /// Why settings are refused.
@@ -203,16 +117,9 @@ pub enum ConfigError {
         /// What was expected and what was found.
         reason: String,
     },
-    /// A value that makes no sense.
-    #[error("{key} is {found}: expected {expected}")]
-    OutOfRange {
-        /// Section and key.
-        key: &'static str,
-        /// What was given.
-        found: String,
-        /// What would do.
-        expected: &'static str,
-    },
+    /// A number outside its permitted range.
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
 }
 
 impl Config {
@@ -235,64 +142,27 @@ impl Config {
         all.merge(environment).extract().map_err(|error| explain(&error, "settings"))
     }
 
-    /// Refuses values that make no sense.
+    /// Refuses numbers outside their ranges; each section checks its own.
     ///
     /// # Errors
-    /// [`ConfigError::OutOfRange`] names the key.
+    /// [`ConfigError::OutOfRange`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let Self { ingest, http, .. } = self;
-        let at_least_one = [
-            ("ingest.max_message_bytes", ingest.max_message_bytes as u64),
-            ("ingest.max_pixels", ingest.max_pixels),
-            ("ingest.ack_backlog", ingest.ack_backlog as u64),
-            ("ingest.ack_seconds", ingest.ack_seconds),
-            ("ingest.open_seconds", ingest.open_seconds),
-            ("ingest.keepalive_seconds", ingest.keepalive_seconds),
-            ("ingest.keepalive_timeout_seconds", ingest.keepalive_timeout_seconds),
-            ("http.max_body_bytes", http.max_body_bytes as u64),
-            ("http.max_render_pixels", http.max_render_pixels),
-            ("http.request_seconds", http.request_seconds),
-            ("http.recent_answers", http.recent_answers as u64),
-            ("http.event_backlog", http.event_backlog as u64),
-            ("language.label_columns", self.language.label_columns as u64),
-        ];
-        for (key, value) in at_least_one {
-            if value == 0 {
-                let (found, expected) = ("0".into(), "at least 1");
-                return Err(ConfigError::OutOfRange { key, found, expected });
-            }
-        }
-        let (near, far) = (ingest.min_depth_metres, ingest.max_depth_metres);
-        if !(near >= 0.0 && far > near && far.is_finite()) {
-            return Err(ConfigError::OutOfRange {
-                key: "ingest.max_depth_metres",
-                found: far.to_string(),
-                expected: "more than ingest.min_depth_metres, which is at least 0",
-            });
-        }
+        self.ingest.check()?;
+        self.http.check()?;
+        self.language.check()?;
+        self.compressor.check()?;
+        self.query.check()?;
         let backdrop = self.mapper.insert_backdrop;
-        if !(backdrop == 0.0 || (backdrop > 1.0 && backdrop.is_finite())) {
-            return Err(ConfigError::OutOfRange {
-                key: "mapper.insert_backdrop",
-                found: backdrop.to_string(),
-                expected: "0, or more than 1: behind what was measured",
-            });
-        }
-        let weights = [
-            ("tracker.photometric_weight", self.tracker.photometric_weight),
-            ("tracker.geometric_weight", self.tracker.geometric_weight),
-            ("tracker.depth_noise", self.tracker.depth_noise),
-            ("tracker.correlated_pixels", self.tracker.correlated_pixels),
-            ("query.bias", self.query.bias.unwrap_or_default().into()),
-            ("query.object_score", self.query.object_score.into()),
-            ("query.object_size", self.query.object_size.into()),
-        ];
-        for (key, value) in weights {
-            if !(value.is_finite() && value >= 0.0) {
-                let (found, expected) = (value.to_string(), "a finite number of at least 0");
-                return Err(ConfigError::OutOfRange { key, found, expected });
-            }
-        }
+        range::require(
+            backdrop == 0.0 || (backdrop > 1.0 && backdrop.is_finite()),
+            "mapper.insert_backdrop",
+            backdrop,
+            "0, or more than 1: behind what was measured",
+        )?;
+        range::at_least("tracker.photometric_weight", self.tracker.photometric_weight, 0.0)?;
+        range::at_least("tracker.geometric_weight", self.tracker.geometric_weight, 0.0)?;
+        range::at_least("tracker.depth_noise", self.tracker.depth_noise, 0.0)?;
+        range::at_least("tracker.correlated_pixels", self.tracker.correlated_pixels, 0.0)?;
         Ok(())
     }
 
@@ -432,6 +302,23 @@ mod tests {
         assert!(error.contains("ingest.max_pixels") && error.contains("many"), "{error}");
         let error = parse("[ingest\n").unwrap_err().to_string();
         assert!(!error.contains('\n') && error.contains("line 1"), "{error}");
+    }
+
+    #[test]
+    fn every_section_is_checked() {
+        let refused: [(&str, fn(&mut Config)); 5] = [
+            ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
+            ("http.event_backlog", |c| c.http.event_backlog = 0),
+            ("language.queue", |c| c.language.queue = 0),
+            ("compressor.code_size", |c| c.compressor.code_size = 33),
+            ("query.object_score", |c| c.query.object_score = f32::NAN),
+        ];
+        for (key, change) in refused {
+            let mut config = Config::default();
+            change(&mut config);
+            let error = config.check().unwrap_err().to_string();
+            assert!(error.starts_with(&format!("{key} is ")), "{error}");
+        }
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! latencies) goes through the `metrics` facade into one recorder per process; what is (a map's
 //! numbers) is read from the maps when somebody asks, see `http::health`.
 
-use crate::config::TelemetryConfig;
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
+use serde::{Deserialize, Serialize};
 use std::io::IsTerminal as _;
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -39,6 +39,22 @@ pub const STREAMS: &str = "lexsplat_streams";
 /// Bounds of the histograms' buckets, seconds.
 const BUCKETS: [f64; 12] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
+
+/// Logs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TelemetryConfig {
+    /// What is logged: a level, or `target=level` pairs with commas between.
+    pub filter: String,
+    /// One JSON object per line instead of text.
+    pub json: bool,
+}
+
+impl Default for TelemetryConfig {
+    fn default() -> Self {
+        Self { filter: "info".into(), json: false }
+    }
+}
 
 /// The process's one recorder.
 static RECORDER: OnceLock<PrometheusHandle> = OnceLock::new();

@@ -14,7 +14,7 @@ mod spz;
 mod tum;
 
 pub use labels::{label_color, labelled_points_ply, labels_png};
-pub use npy::{npy, npy_bytes};
+pub use npy::npy;
 pub use picture::{depth_png, heatmap_png, rgb_png};
 pub use ply::scored_points_ply;
 pub use tum::{seconds, trajectory};

@@ -1,12 +1,15 @@
-//! `language.npz`: the language beside `splats.ply`, one row per Gaussian in the same order.
+//! `language.npz`: the language heads, one row per Gaussian in the order of `splats.ply`.
 //!
-//! NumPy's archive, because `numpy.load` is all that is needed to read it, and arrays of different
-//! shapes are one file (safetensors needs a package, loose .npy files a folder). Holds:
-//! `codes` `[n, code_size]` of the online stage, zeros where nothing was said yet; `generic` `[n, 32]`, the
-//! same decoded by the online stage, unit length, zeros alike: with the bundle's decoder (`decompress.onnx`
-//! under `models/`) they become features that embedded words are compared with; and the language
-//! heads' shapes: `opacity` `[n]` in 0..1, `log_scale` `[n, 3]`, `rotation` `[n, 4]` (w, x, y, z). Decoding
-//! every Gaussian once costs less than telling users of every kind of online stage apart.
+//! The file is an archive of NumPy arrays, because `numpy.load` alone reads it and arrays of several
+//! shapes fit into one file. All arrays are float32:
+//!
+//! - `codes` `[n, code_size]`: codes of the online stage; zeros where a Gaussian has no language.
+//! - `generic` `[n, 32]`: the same codes decoded by the online stage, unit length; zeros likewise.
+//!   The bundle's decoder (`decompress.onnx`) turns them into features. They are stored so that
+//!   readers need no implementation of the online stages.
+//! - `opacity` `[n]`: 0..1.
+//! - `log_scale` `[n, 3]`: natural logarithms of the standard deviations, metres.
+//! - `rotation` `[n, 4]`: quaternions (w, x, y, z).
 
 use super::npy;
 use crate::pipeline::compressor::GENERIC;
@@ -15,7 +18,7 @@ use std::io::{Cursor, Write as _};
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// The language heads' codes and shapes.
+/// Bytes of `language.npz`.
 pub(super) fn language_npz(snapshot: &MapSnapshot) -> Vec<u8> {
     let head = &snapshot.gaussians.language;
     let (count, size) = (snapshot.gaussians.len(), snapshot.online.code_size());
@@ -37,14 +40,14 @@ pub(super) fn language_npz(snapshot: &MapSnapshot) -> Vec<u8> {
 }
 
 fn archive(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    // Stored: codes do not compress, and NumPy reads both.
+    // Not compressed: codes hardly get smaller.
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, array) in arrays {
-        zip.start_file(format!("{name}.npy"), options).expect("names differ");
-        zip.write_all(array).expect("memory takes all bytes");
+        zip.start_file(format!("{name}.npy"), options).expect("the names are distinct");
+        zip.write_all(array).expect("a vector takes all bytes");
     }
-    zip.finish().expect("memory takes all bytes").into_inner()
+    zip.finish().expect("a vector takes all bytes").into_inner()
 }
 
 #[cfg(test)]
@@ -52,7 +55,6 @@ mod tests {
     use super::*;
     use crate::export::splat::samples::two;
     use crate::pipeline::compressor::{CompressorConfig, online};
-    use std::io::Read as _;
     use std::sync::Arc;
 
     #[test]
@@ -77,13 +79,9 @@ mod tests {
         names.sort();
         let expected = ["codes", "generic", "log_scale", "opacity", "rotation"];
         assert_eq!(names, expected.map(|name| format!("{name}.npy")));
-        let mut file = Vec::new();
-        zip.by_name("generic.npy").unwrap().read_to_end(&mut file).unwrap();
-        assert!(String::from_utf8_lossy(&file[..128]).contains("(2, 32)"));
-        let rows: Vec<f32> = file[file.len() - 2 * GENERIC * 4..]
-            .chunks_exact(4)
-            .map(|four| f32::from_le_bytes(four.try_into().unwrap()))
-            .collect();
+        let array = npyz::NpyFile::new(zip.by_name("generic.npy").unwrap()).unwrap();
+        assert_eq!(array.shape(), [2, GENERIC as u64]);
+        let rows = array.into_vec::<f32>().unwrap();
         let length = |row: &[f32]| row.iter().map(|value| value * value).sum::<f32>();
         assert!((length(&rows[..GENERIC]) - 1.0).abs() < 1e-4, "{rows:?}");
         assert_eq!(length(&rows[GENERIC..]), 0.0);

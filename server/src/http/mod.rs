@@ -5,6 +5,7 @@
 //! Nothing here touches a live map: everything is read from snapshots and statuses.
 
 mod answers;
+mod config;
 mod error;
 mod events;
 mod export;
@@ -19,9 +20,9 @@ mod segment;
 mod view;
 
 pub use answers::query_id;
+pub use config::HttpConfig;
 pub use error::Problem;
 
-use crate::config::HttpConfig;
 use crate::pipeline::engine::Engine;
 use crate::store::Store;
 use crate::web;

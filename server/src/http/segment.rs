@@ -110,7 +110,7 @@ pub(super) async fn labels(
         false => ("image/png", export::labels_png(image.width, image.height, &image.labels)),
         true => {
             let shape = [image.height as usize, image.width as usize];
-            (NPY, export::npy_bytes(&shape, &image.labels))
+            (NPY, export::npy(&shape, &image.labels))
         }
     };
     Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())

@@ -4,13 +4,15 @@
 //! Every check of what a robot sends is in `convert`; the rest of this folder translates and
 //! decides nothing. Nothing here touches a live map.
 
+mod config;
 pub(crate) mod convert;
 mod maps;
 mod query;
 mod status;
 mod stream;
 
-use crate::config::IngestConfig;
+pub use config::IngestConfig;
+
 use crate::pipeline::engine::Engine;
 use crate::store::Store;
 use convert::Limits;

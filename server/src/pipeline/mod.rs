@@ -14,6 +14,7 @@ pub mod map;
 pub mod mapper;
 pub mod network;
 pub mod query;
+pub mod range;
 pub mod snapshot;
 pub mod srd;
 pub mod tracker;

@@ -10,7 +10,7 @@ mod depth;
 mod labels;
 pub(crate) mod question;
 
-use crate::config::IngestConfig;
+use crate::ingest::config::IngestConfig;
 use crate::pipeline::frame::{Frame, Intrinsics, PoseHint};
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix6};

@@ -5,15 +5,15 @@
 //! truth; every 15-D code belongs to a version of the online stage and is carried over when it
 //! advances.
 
+mod config;
 mod dictionary;
 pub mod generic;
 mod linear;
 mod mlp;
 
+pub use config::{CompressorConfig, Stage};
 pub use linear::Linear;
 pub use mlp::Mlp;
-
-use serde::{Deserialize, Deserializer, Serialize};
 
 /// Size of a generic code.
 pub const GENERIC: usize = 32;
@@ -42,62 +42,6 @@ pub trait OnlineStage: Send + Sync {
     }
     /// A copy as it is now.
     fn boxed_clone(&self) -> Box<dyn OnlineStage>;
-}
-
-/// Which online stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Stage {
-    /// Running second moments, their leading eigenvectors, and what these leave out.
-    Linear,
-    /// The paper's auto-encoder.
-    Mlp,
-}
-
-/// How generic codes are compressed further.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CompressorConfig {
-    /// Which stage.
-    pub stage: Stage,
-    /// Channels of an online code, 1 to 32.
-    #[serde(deserialize_with = "checked_code_size")]
-    pub code_size: usize,
-    /// Linear: the share of what was seen that must be lost before the basis moves.
-    pub tolerance: f64,
-    /// MLP: Adam's step size.
-    pub learning_rate: f64,
-    /// MLP: steps over the first keyframes, all together.
-    pub initial_steps: usize,
-    /// MLP: how many keyframes are the first ones.
-    pub initial_keyframes: usize,
-    /// MLP: earlier keyframes that are trained on again at each later one.
-    pub replayed: usize,
-    /// MLP: the start of its random numbers.
-    pub seed: u64,
-}
-
-impl Default for CompressorConfig {
-    fn default() -> Self {
-        Self {
-            stage: Stage::Linear,
-            code_size: 15,
-            tolerance: 1e-3,
-            learning_rate: 1e-3,
-            initial_steps: 200,
-            initial_keyframes: 1,
-            replayed: 2,
-            seed: 0,
-        }
-    }
-}
-
-fn checked_code_size<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
-    let size = usize::deserialize(deserializer)?;
-    if (1..=GENERIC).contains(&size) {
-        return Ok(size);
-    }
-    Err(serde::de::Error::custom(format!("code_size: expected 1 to {GENERIC}, found {size}")))
 }
 
 /// The configured stage, before any keyframe.

@@ -231,12 +231,3 @@ fn linear_codes_blend() {
         assert!((found - expected).abs() < 1e-5);
     }
 }
-
-#[test]
-fn a_code_size_that_cannot_be_is_refused() {
-    let read = |text: &str| toml::from_str::<CompressorConfig>(text);
-    assert_eq!(read("code_size = 12").unwrap().code_size, 12);
-    let error = read("code_size = 33").unwrap_err().to_string();
-    assert!(error.contains("expected 1 to 32, found 33"), "{error}");
-    assert!(read("code_sizes = 12").is_err());
-}

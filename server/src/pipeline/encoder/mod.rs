@@ -6,61 +6,24 @@
 //! thread owns the networks and never holds geometry up: its queue is bounded and a full one gives
 //! the frame back.
 
+mod config;
 mod labels;
 mod prepare;
 mod resample;
 mod thread;
 
+pub use config::LanguageConfig;
 pub use labels::Embed;
 pub use thread::LanguageThread;
 
 use super::compressor::GENERIC;
 use super::compressor::generic::{CodeGrid, GenericEncoder, grid_of};
 use super::frame::{Frame, Labels};
-use super::network::{
-    ImageSpec, Network, NetworkError, Provider, Tensor, VisionNetworks, VisionStages,
-};
+use super::network::{ImageSpec, Network, NetworkError, Tensor, VisionNetworks, VisionStages};
 use super::srd::SuperResolution;
 use labels::{LabelCodes, majority};
 use prepare::Preparation;
-use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 use std::time::Instant;
-
-/// Which networks, and how they run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LanguageConfig {
-    /// The bundle's folder; a relative one is also looked for beside the executable and above it.
-    pub models: PathBuf,
-    /// ONNX Runtime's shared library; `None`: `ORT_DYLIB_PATH`, else what `make deps` got.
-    pub runtime: Option<PathBuf>,
-    /// On what networks run, best first; without `cpu` at the end, one of them must work.
-    pub providers: Vec<Provider>,
-    /// Threads of one network; 0: one for each core.
-    pub threads: usize,
-    /// Keyframes that wait for the networks; when full they are given back.
-    pub queue: usize,
-    /// Whether the super-resolution decoder is used, where the bundle has it apart; without it coarse
-    /// features are stretched.
-    pub srd: bool,
-    /// Labels that come with a frame are kept at this many columns at most.
-    pub label_columns: usize,
-}
-
-impl Default for LanguageConfig {
-    fn default() -> Self {
-        Self {
-            models: "models/tiny".into(),
-            runtime: None,
-            providers: vec![Provider::Cpu],
-            threads: 0,
-            queue: 4,
-            srd: true,
-            label_columns: 300,
-        }
-    }
-}
 
 /// A keyframe's language: generic codes on a grid over the whole image.
 #[derive(Clone, Debug)]
@@ -139,7 +102,7 @@ impl Vision {
         let shape = [1, 3, image.height, image.width];
         let input = [Tensor::floats(&shape, vec![0.0; 3 * image.height * image.width])];
         let labels = LabelCodes::new(embed, grid);
-        let label_columns = config.label_columns.max(1);
+        let label_columns = config.label_columns;
         Self { image, preparation: Preparation::default(), input, labels, label_columns, stages }
     }
 

@@ -10,6 +10,7 @@
 mod answer;
 mod boxes;
 mod clusters;
+mod config;
 mod cosines;
 mod mesh;
 mod neighbours;
@@ -33,78 +34,15 @@ pub use answer::{
     Answer, Heatmap, LabelImage, LabelledPoint, Mask, Object, Peak, Picture, ScoredBox,
     ScoredPoint, Segmentation, Timing,
 };
+pub use config::QueryConfig;
 pub use mesh::{DEFAULT_VOXEL_METRES, Mesh, VOXEL_METRES, mesh};
 pub use request::{
-    Bounds, Channel, Contest, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Outputs, Place, Query,
-    RenderRequest, View,
+    Bounds, Channel, Contest, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, MAX_VIEW_SIDE, Outputs,
+    Place, Query, RenderRequest, View,
 };
 pub use thread::QueryThread;
 
 use super::network::NetworkError;
-use serde::{Deserialize, Serialize};
-
-/// The longest side of a view that is answered or rendered, pixels.
-pub const MAX_VIEW_SIDE: u32 = 4096;
-
-/// How questions are answered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct QueryConfig {
-    /// Questions that wait for the thread; when full the asker waits.
-    pub queue: usize,
-    /// Side of the mean filter over a heat map of [`SMOOTHED_COLUMNS`] columns, pixels; over others in
-    /// proportion.
-    pub smoothing_pixels: u32,
-    /// Relevancy above which something counts; `None`: the bundle's.
-    pub threshold: Option<f32>,
-    /// Bias of the relevancy: how much nearer to its word a feature must be for 0.5, times the
-    /// temperature; `None`: the bundle's, which suits features as its networks see them.
-    pub bias: Option<f32>,
-    /// Columns at which a view's codes are rendered and decoded (fewer if the view has fewer).
-    pub code_columns: u32,
-    /// Texts whose embeddings are kept.
-    pub cached_texts: usize,
-    /// Memory for the decoded features of one map, MiB; a larger map is decoded at every question.
-    pub feature_cache_mib: usize,
-    /// Objects: two Gaussians with less than this between them are one object, metres.
-    pub cluster_metres: f32,
-    /// Objects: Gaussians of the smallest one; as many must reach a score for it to speak for presence.
-    pub cluster_points: usize,
-    /// Objects: how far above the threshold, as a share of how far the best one is (in logits).
-    pub object_score: f32,
-    /// Objects: least Gaussians, as a share of the largest one's.
-    pub object_size: f32,
-}
-
-/// Columns of the pictures that the paper's filter of 20 pixels is for.
-const SMOOTHED_COLUMNS: f32 = 1200.0;
-
-impl QueryConfig {
-    /// Side of the mean filter over a view of so many columns, pixels, at least 1: the asked one, else
-    /// the configured one in proportion.
-    fn smoothing(&self, asked: Option<u32>, columns: u32) -> usize {
-        let usual = self.smoothing_pixels as f32 * columns as f32 / SMOOTHED_COLUMNS;
-        asked.unwrap_or(usual.round() as u32).max(1) as usize
-    }
-}
-
-impl Default for QueryConfig {
-    fn default() -> Self {
-        Self {
-            queue: 8,
-            smoothing_pixels: 20,
-            threshold: None,
-            bias: None,
-            code_columns: 200,
-            cached_texts: 1024,
-            feature_cache_mib: 512,
-            cluster_metres: 0.15,
-            cluster_points: 10,
-            object_score: 0.5,
-            object_size: 0.02,
-        }
-    }
-}
 
 /// Why a question has no answer.
 #[derive(Debug, thiserror::Error)]

@@ -9,6 +9,8 @@ use nalgebra::{Isometry3, Point3};
 pub const MAX_TEXT_BYTES: usize = 1024;
 /// The most negatives in one query.
 pub const MAX_NEGATIVES: usize = 32;
+/// The longest side of a view that is answered or rendered, pixels.
+pub const MAX_VIEW_SIDE: u32 = 4096;
 
 /// A question in plain words.
 #[derive(Clone, Debug)]

@@ -384,11 +384,3 @@ fn pictures_show_the_map() {
     let Picture::Rgb { data, width: 80, height: 60 } = small else { panic!("of the asked size") };
     assert!(pixel(&data, 30 * 80 + 22)[0] > 200 && data.len() == 80 * 60 * 3);
 }
-
-#[test]
-fn the_filter_is_as_wide_a_share_of_any_view() {
-    let config = QueryConfig::default();
-    assert_eq!([1200, 600, 320, 10].map(|columns| config.smoothing(None, columns)), [20, 10, 5, 1]);
-    // What is asked for is in pixels.
-    assert_eq!([320, 1200].map(|columns| config.smoothing(Some(7), columns)), [7, 7]);
-}

@@ -16,7 +16,7 @@ pub(super) struct Words {
 }
 
 impl Words {
-    /// Keeps the embeddings of at most `capacity` texts, at least one.
+    /// Keeps the embeddings of at most `capacity` texts, at least 1.
     pub(super) fn new(tower: TextTower, relevancy: RelevancySpec, capacity: usize) -> Self {
         Self { tower, relevancy, cache: Cache::new(capacity) }
     }
@@ -99,7 +99,7 @@ struct Cache {
 
 impl Cache {
     fn new(capacity: usize) -> Self {
-        Self { capacity: capacity.max(1), entries: HashMap::new(), clock: 0 }
+        Self { capacity, entries: HashMap::new(), clock: 0 }
     }
 
     fn get(&mut self, text: &str) -> Option<Arc<[f32]>> {

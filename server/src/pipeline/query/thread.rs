@@ -5,6 +5,7 @@
 
 use super::answer::{Answer, Heatmap, Picture, Segmentation, Timing};
 use super::clusters::{Clusters, Density, Worth, clustered};
+use super::config::QueryConfig;
 use super::picture::{self, PaletteCache};
 use super::presence::Presence;
 use super::relevancy::Comparison;
@@ -13,7 +14,7 @@ use super::scene::Scene;
 use super::space::SpaceCache;
 use super::text::Words;
 use super::view::{self, ViewCache, ViewFeatures};
-use super::{QueryConfig, QueryError, place, presence, regions, surface, viewpoint};
+use super::{QueryError, place, presence, regions, surface, viewpoint};
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::encoder::Embed;
 use crate::pipeline::network::TextNetworks;
@@ -71,7 +72,7 @@ impl QueryThread {
     /// # Errors
     /// The system's, if there is no thread to be had.
     pub fn start(gpu: Gpu, networks: TextNetworks, config: &QueryConfig) -> std::io::Result<Self> {
-        let (queue, jobs) = mpsc::channel(config.queue.max(1));
+        let (queue, jobs) = mpsc::channel(config.queue);
         let worker = Worker::new(gpu, networks, config.clone());
         let thread =
             std::thread::Builder::new().name("query".into()).spawn(move || worker.work(jobs))?;

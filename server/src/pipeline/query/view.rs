@@ -4,10 +4,11 @@
 //! Codes are rendered at about label resolution: the paper's labels are no finer, and decoding
 //! costs as much as there are pixels.
 
+use super::QueryError;
+use super::config::QueryConfig;
 use super::relevancy::{Comparison, Plane};
 use super::rivals::Rivals;
 use super::scene::Scene;
-use super::{QueryConfig, QueryError};
 use crate::pipeline::compressor::GENERIC;
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::snapshot::MapSnapshot;
@@ -94,7 +95,7 @@ pub(super) fn render(
     camera: &Camera,
     config: &QueryConfig,
 ) -> Result<LanguageImage, QueryError> {
-    let width = camera.width.min(config.code_columns.max(1));
+    let width = camera.width.min(config.code_columns);
     let height = (camera.height as f32 * width as f32 / camera.width as f32).round().max(1.0);
     Ok(scene.language(snapshot, &camera.resized(width, height as u32))?)
 }

@@ -1,7 +1,7 @@
 //! Where a request looks from: its [`View`] as a camera of the rasteriser.
 
-use super::request::View;
-use super::{MAX_VIEW_SIDE, QueryError};
+use super::QueryError;
+use super::request::{MAX_VIEW_SIDE, View};
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::Camera;
 

@@ -58,7 +58,7 @@ impl Mlp {
             keyframes: 0,
             kept: Vec::new(),
             initial_steps: config.initial_steps,
-            initial_keyframes: config.initial_keyframes.max(1),
+            initial_keyframes: config.initial_keyframes,
             replayed: config.replayed,
         }
     }
