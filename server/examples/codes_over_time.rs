@@ -13,7 +13,7 @@
 use anyhow::Context as _;
 use clap::Parser;
 use lexsplat_server::pipeline::compressor::{
-    CompressorConfig, GENERIC, OnlineStage, Stage, carry_over, online,
+    CompressorConfig, GENERIC_SIZE, OnlineStage, Stage, carry_over, online,
 };
 use lexsplat_server::pipeline::encoder::{LanguageConfig, Vision};
 use lexsplat_server::pipeline::frame::{Frame, Intrinsics};
@@ -68,7 +68,7 @@ struct Followed {
 fn cosine(stage: &dyn OnlineStage, codes: &[f32], truth: &[f32]) -> f32 {
     let decoded = stage.decode(codes);
     let products = decoded.iter().zip(truth).map(|(a, b)| a * b);
-    products.sum::<f32>() * GENERIC as f32 / truth.len() as f32
+    products.sum::<f32>() * GENERIC_SIZE as f32 / truth.len() as f32
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
@@ -84,8 +84,8 @@ fn median(mut times: Vec<f32>) -> f32 {
 }
 
 fn sampled(codes: &[f32]) -> Vec<f32> {
-    let stride = (codes.len() / GENERIC / FOLLOWED).max(1);
-    codes.chunks_exact(GENERIC).step_by(stride).flatten().copied().collect()
+    let stride = (codes.len() / GENERIC_SIZE / FOLLOWED).max(1);
+    codes.chunks_exact(GENERIC_SIZE).step_by(stride).flatten().copied().collect()
 }
 
 fn main() -> anyhow::Result<()> {

@@ -67,8 +67,8 @@ fn code(
     let planes = embedding.iter().flat_map(|&v| std::iter::repeat_n(v, cells)).collect();
     let features = Tensor::floats(&[1, embedding.len(), vision.grid[0], vision.grid[1]], planes);
     let compressor = match &mut vision.stages {
-        VisionStages::Apart { compressor, .. } => Some(compressor),
-        VisionStages::Folded { compressor, .. } => compressor.as_mut(),
+        VisionStages::Staged { compressor, .. } => Some(compressor),
+        VisionStages::EndToEnd { compressor, .. } => compressor.as_mut(),
     };
     let compressor = compressor.context("the bundle has no compressor for single words")?;
     let codes = compressor.run(&[features])?.swap_remove(0);

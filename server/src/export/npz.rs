@@ -12,7 +12,7 @@
 //! - `rotation` `[n, 4]`: quaternions (w, x, y, z).
 
 use super::npy;
-use crate::pipeline::compressor::GENERIC;
+use crate::pipeline::compressor::GENERIC_SIZE;
 use crate::pipeline::snapshot::MapSnapshot;
 use std::io::{Cursor, Write as _};
 use zip::CompressionMethod;
@@ -23,7 +23,9 @@ pub(super) fn language_npz(snapshot: &MapSnapshot) -> Vec<u8> {
     let head = &snapshot.gaussians.language;
     let (count, size) = (snapshot.gaussians.len(), snapshot.online.code_size());
     let mut generic = snapshot.online.decode(&head.features);
-    for (code, decoded) in head.features.chunks_exact(size).zip(generic.chunks_exact_mut(GENERIC)) {
+    for (code, decoded) in
+        head.features.chunks_exact(size).zip(generic.chunks_exact_mut(GENERIC_SIZE))
+    {
         if code.iter().all(|&value| value == 0.0) {
             decoded.fill(0.0);
         }
@@ -32,7 +34,7 @@ pub(super) fn language_npz(snapshot: &MapSnapshot) -> Vec<u8> {
         head.opacity_logits.iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect();
     archive(&[
         ("codes", npy(&[count, size], &head.features)),
-        ("generic", npy(&[count, GENERIC], &generic)),
+        ("generic", npy(&[count, GENERIC_SIZE], &generic)),
         ("opacity", npy(&[count], &opacity)),
         ("log_scale", npy(&[count, 3], head.log_scales.as_flattened())),
         ("rotation", npy(&[count, 4], head.rotations.as_flattened())),
@@ -62,7 +64,8 @@ mod tests {
         let mut gaussians = two();
         gaussians.language.features[15..].fill(0.0);
         let mut stage = online(&CompressorConfig::default());
-        let seen: Vec<f32> = (0..64 * GENERIC).map(|i| ((i * 37 % 101) as f32).sin()).collect();
+        let seen: Vec<f32> =
+            (0..64 * GENERIC_SIZE).map(|i| ((i * 37 % 101) as f32).sin()).collect();
         stage.observe(&seen);
         let snapshot = MapSnapshot {
             map: "room".into(),
@@ -80,10 +83,10 @@ mod tests {
         let expected = ["codes", "generic", "log_scale", "opacity", "rotation"];
         assert_eq!(names, expected.map(|name| format!("{name}.npy")));
         let array = npyz::NpyFile::new(zip.by_name("generic.npy").unwrap()).unwrap();
-        assert_eq!(array.shape(), [2, GENERIC as u64]);
+        assert_eq!(array.shape(), [2, GENERIC_SIZE as u64]);
         let rows = array.into_vec::<f32>().unwrap();
         let length = |row: &[f32]| row.iter().map(|value| value * value).sum::<f32>();
-        assert!((length(&rows[..GENERIC]) - 1.0).abs() < 1e-4, "{rows:?}");
-        assert_eq!(length(&rows[GENERIC..]), 0.0);
+        assert!((length(&rows[..GENERIC_SIZE]) - 1.0).abs() < 1e-4, "{rows:?}");
+        assert_eq!(length(&rows[GENERIC_SIZE..]), 0.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Settings of the online compression, section `[compressor]`.
 
-use super::GENERIC;
+use crate::pipeline::network::GENERIC_SIZE;
 use crate::pipeline::range::{OutOfRange, above, at_least, require, within};
 use serde::{Deserialize, Serialize};
 
@@ -58,7 +58,7 @@ impl CompressorConfig {
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
     pub fn check(&self) -> Result<(), OutOfRange> {
-        within("compressor.code_size", self.code_size, 1..=GENERIC)?;
+        within("compressor.code_size", self.code_size, 1..=GENERIC_SIZE)?;
         within("compressor.tolerance", self.tolerance, 0.0..=1.0)?;
         above("compressor.learning_rate", self.learning_rate, 0.0)?;
         at_least("compressor.initial_keyframes", self.initial_keyframes, 1)?;

@@ -1,10 +1,10 @@
-//! The first, pre-trained stage (paper §4.2, "Two-Stage Online CLIP Compression"): features of size D
-//! to codes of 32 and back. Both are the bundle's networks.
+//! The first, pre-trained stage (paper §4.2, "Two-Stage Online CLIP Compression"): features of D
+//! channels to generic codes of 32 and back. Both directions are networks of the bundle.
 
-use super::super::network::{Network, NetworkError, Tensor};
-use super::{GENERIC, normalise_rows};
+use super::rows::normalise_rows;
+use crate::pipeline::network::{GENERIC_SIZE, Network, NetworkError, Tensor};
 
-/// Codes decoded in one run of the network: bounds its memory.
+/// Codes decoded in one run of the network; limits its memory.
 const DECODE_BATCH: usize = 4096;
 
 /// Features -> generic codes.
@@ -12,7 +12,7 @@ pub struct GenericEncoder {
     network: Network,
 }
 
-/// Generic codes of a grid.
+/// Generic codes on a grid.
 pub struct CodeGrid {
     /// Rows.
     pub height: usize,
@@ -22,35 +22,37 @@ pub struct CodeGrid {
     pub codes: Vec<f32>,
 }
 
+impl CodeGrid {
+    /// From channels-first codes `[1, 32, height, width]`; each code is scaled to unit length.
+    pub fn from_planes(planes: &Tensor) -> Self {
+        let shape = planes.shape();
+        let (height, width) = (shape[2], shape[3]);
+        let planes = planes.as_floats();
+        let cells = height * width;
+        let mut codes = vec![0.0; cells * GENERIC_SIZE];
+        for (cell, code) in codes.chunks_exact_mut(GENERIC_SIZE).enumerate() {
+            for (channel, value) in code.iter_mut().enumerate() {
+                *value = planes[channel * cells + cell];
+            }
+        }
+        normalise_rows(&mut codes, GENERIC_SIZE);
+        Self { height, width, codes }
+    }
+}
+
 impl GenericEncoder {
-    /// With the bundle's network.
+    /// Wraps the bundle's network.
     pub fn new(network: Network) -> Self {
         Self { network }
     }
 
-    /// `[1, D, height, width]` -> codes of every cell.
+    /// `[1, D, height, width]` -> the code of each cell.
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
     pub fn compress(&mut self, features: &[Tensor; 1]) -> Result<CodeGrid, NetworkError> {
-        Ok(grid_of(&self.network.run(features)?[0]))
+        Ok(CodeGrid::from_planes(&self.network.run(features)?[0]))
     }
-}
-
-/// Planes `[1, 32, height, width]` as rows of unit length.
-pub fn grid_of(planes: &Tensor) -> CodeGrid {
-    let shape = planes.shape();
-    let (height, width) = (shape[2], shape[3]);
-    let planes = planes.as_floats();
-    let cells = height * width;
-    let mut codes = vec![0.0; cells * GENERIC];
-    for (cell, code) in codes.chunks_exact_mut(GENERIC).enumerate() {
-        for (channel, value) in code.iter_mut().enumerate() {
-            *value = planes[channel * cells + cell];
-        }
-    }
-    normalise_rows(&mut codes, GENERIC);
-    CodeGrid { height, width, codes }
 }
 
 /// Generic codes -> features.
@@ -59,12 +61,12 @@ pub struct GenericDecoder {
 }
 
 impl GenericDecoder {
-    /// With the bundle's network.
+    /// Wraps the bundle's network.
     pub fn new(network: Network) -> Self {
         Self { network }
     }
 
-    /// `[n, 32]` -> `[n, D]`, unit length; `each` gets every batch in turn.
+    /// `[n, 32]` -> `[n, D]`, unit length. `each` is called with each batch of features, in order.
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
@@ -73,9 +75,9 @@ impl GenericDecoder {
         codes: &[f32],
         mut each: impl FnMut(&[f32]),
     ) -> Result<(), NetworkError> {
-        for batch in codes.chunks(DECODE_BATCH * GENERIC) {
-            let rows = batch.len() / GENERIC;
-            let input = Tensor::floats(&[rows, GENERIC], batch.to_vec());
+        for batch in codes.chunks(DECODE_BATCH * GENERIC_SIZE) {
+            let rows = batch.len() / GENERIC_SIZE;
+            let input = Tensor::floats(&[rows, GENERIC_SIZE], batch.to_vec());
             each(&self.network.run(&[input])?[0].as_floats());
         }
         Ok(())

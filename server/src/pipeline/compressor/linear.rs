@@ -1,46 +1,51 @@
-//! Linear online stage: the leading eigenvectors of the second moments of all codes seen, and a
-//! dictionary of the directions that they do not span.
+//! Linear online stage: the leading eigenvectors of the second moments of all observed codes, and a
+//! dictionary for the part of codes that they do not span.
 //!
-//! code = W g, g = direction of Wᵀ code + r(code), with W `[code_size, 32]` orthonormal rows and r what the
-//! basis leaves out of codes like this one ([`Dictionary`]): of what is rare a small basis keeps little,
-//! and little is enough to know it again. Rendering is a weighted sum and commutes with W, so a blended
-//! code decodes to the blend of what was written; no keyframe is forgotten, because the moments are
-//! sums. Every keyframe weighs the same. When the basis moves, it is turned within its span so that
-//! codes change as little as they can.
+//! Encoding is `c = W g`, with orthonormal rows W `[code_size, 32]`. Decoding is the direction of
+//! `Wᵀ c + r(c)`, where the remainder r is looked up in the [`Dictionary`]. A small basis keeps
+//! little of rare directions, but enough to identify them in the dictionary.
+//!
+//! Alpha blending is a weighted sum and commutes with W, so a blended code decodes to the blend of
+//! the codes. The moments are sums over all keyframes with equal weights, so none is forgotten. When
+//! the basis is replaced, the new one is rotated within its span to change codes as little as
+//! possible.
 
-use super::dictionary::{Dictionary, Reader};
-use super::{GENERIC, OnlineStage, normalise_rows};
+use super::dictionary::{Dictionary, DictionaryDecoder};
+use super::online_stage::OnlineStage;
+use super::rows::normalise_rows;
+use crate::pipeline::network::GENERIC_SIZE;
 use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
 use ndarray::{Array2, Axis};
 
-type Moments = SMatrix<f64, GENERIC, GENERIC>;
-type Code = SVector<f64, GENERIC>;
+type Moments = SMatrix<f64, GENERIC_SIZE, GENERIC_SIZE>;
+type Code = SVector<f64, GENERIC_SIZE>;
 
-/// Rows that are summed in single precision before the sum goes on in double.
+/// Rows that are summed in single precision, before their sum is added in double precision.
 const BLOCK: usize = 512;
 
-/// Running principal directions.
+/// Running principal directions of all observed codes.
 #[derive(Clone)]
 pub struct Linear {
     code_size: usize,
     tolerance: f64,
     version: u64,
     keyframes: u64,
-    /// Sum over keyframes of the mean g gᵀ.
+    /// Sum over keyframes of the mean of g gᵀ.
     moments: Moments,
     /// `[code_size, 32]`, orthonormal rows.
     basis: Vec<f32>,
     dictionary: Dictionary,
-    reader: Reader,
+    decoder: DictionaryDecoder,
 }
 
 impl Linear {
-    /// Before any keyframe: the first axes. `tolerance`: the share of the squared length of all
-    /// codes seen that must be lost, beyond what the best basis loses, before the basis moves.
+    /// The state before any keyframe: the basis is the first axes. `tolerance` is the share of all
+    /// observed codes' squared length that the basis may lose, beyond what the best basis loses,
+    /// before it is replaced.
     pub fn new(code_size: usize, tolerance: f64) -> Self {
-        let mut basis = vec![0.0; code_size * GENERIC];
+        let mut basis = vec![0.0; code_size * GENERIC_SIZE];
         for axis in 0..code_size {
-            basis[axis * GENERIC + axis] = 1.0;
+            basis[axis * GENERIC_SIZE + axis] = 1.0;
         }
         let dictionary = Dictionary::default();
         Self {
@@ -49,19 +54,19 @@ impl Linear {
             version: 0,
             keyframes: 0,
             moments: Moments::zeros(),
-            reader: dictionary.read_by(&basis),
+            decoder: dictionary.decoder(&basis),
             basis,
             dictionary,
         }
     }
 
-    /// How much of the squared length of all codes seen a basis keeps.
+    /// Squared length that a basis keeps, summed over the moments.
     fn kept(&self, basis: &[f32]) -> f64 {
         let row_kept = |row: &[f32]| {
             let row = Code::from_iterator(row.iter().map(|&v| v.into()));
             row.dot(&(self.moments * row))
         };
-        basis.chunks_exact(GENERIC).map(row_kept).sum()
+        basis.chunks_exact(GENERIC_SIZE).map(row_kept).sum()
     }
 }
 
@@ -84,19 +89,19 @@ impl OnlineStage for Linear {
         self.dictionary.observe(&rows);
         let best = principal_rows(self.moments, self.code_size);
         let lost = self.kept(&best) - self.kept(&self.basis);
-        let moves = self.version == 0 || lost > self.tolerance * self.keyframes as f64;
-        if moves {
-            self.basis = if self.version == 0 { best } else { turned_towards(&self.basis, &best) };
+        let replaced = self.version == 0 || lost > self.tolerance * self.keyframes as f64;
+        if replaced {
+            self.basis = if self.version == 0 { best } else { rotated_towards(&self.basis, &best) };
             self.version += 1;
         }
-        self.reader = self.dictionary.read_by(&self.basis);
-        moves
+        self.decoder = self.dictionary.decoder(&self.basis);
+        replaced
     }
 
     fn encode(&self, generic: &[f32]) -> Vec<f32> {
-        let mut codes = Vec::with_capacity(generic.len() / GENERIC * self.code_size);
-        for row in generic.chunks_exact(GENERIC) {
-            for direction in self.basis.chunks_exact(GENERIC) {
+        let mut codes = Vec::with_capacity(generic.len() / GENERIC_SIZE * self.code_size);
+        for row in generic.chunks_exact(GENERIC_SIZE) {
+            for direction in self.basis.chunks_exact(GENERIC_SIZE) {
                 codes.push(row.iter().zip(direction).map(|(a, b)| a * b).sum());
             }
         }
@@ -104,8 +109,8 @@ impl OnlineStage for Linear {
     }
 
     fn decode(&self, codes: &[f32]) -> Vec<f32> {
-        let mut generic = self.reader.generic(codes);
-        normalise_rows(&mut generic, GENERIC);
+        let mut generic = self.decoder.decode(codes);
+        normalise_rows(&mut generic, GENERIC_SIZE);
         generic
     }
 
@@ -114,26 +119,27 @@ impl OnlineStage for Linear {
     }
 }
 
-/// The basis that spans what `new` spans and is nearest to `old` (orthogonal Procrustes, Schönemann
-/// 1966): codes change as little as they can, and so does what an optimiser knows of them.
-fn turned_towards(old: &[f32], new: &[f32]) -> Vec<f32> {
-    let rows = |basis: &[f32]| DMatrix::from_row_slice(basis.len() / GENERIC, GENERIC, basis);
+/// The basis with the span of `new` that is nearest to `old` (orthogonal Procrustes, Schönemann
+/// 1966). Codes, and an optimiser's moments of them, change as little as possible.
+fn rotated_towards(old: &[f32], new: &[f32]) -> Vec<f32> {
+    let rows =
+        |basis: &[f32]| DMatrix::from_row_slice(basis.len() / GENERIC_SIZE, GENERIC_SIZE, basis);
     let (old, new) = (rows(old), rows(new));
     let svd = (&old * new.transpose()).svd(true, true);
-    let (left, right) = svd.u.zip(svd.v_t).expect("both were asked for");
+    let (left, right) = svd.u.zip(svd.v_t).expect("both factors were requested");
     (left * right * new).transpose().as_slice().to_vec()
 }
 
-/// The rows that have a direction, of unit length, `[n, 32]`.
+/// The rows of non-zero length, scaled to unit length, `[n, 32]`.
 fn directions(generic: &[f32]) -> Array2<f32> {
     let mut rows = Vec::with_capacity(generic.len());
-    for row in generic.chunks_exact(GENERIC) {
+    for row in generic.chunks_exact(GENERIC_SIZE) {
         let squared = row.iter().map(|value| value * value).sum::<f32>();
         if squared.is_finite() && squared > 0.0 {
             rows.extend(row.iter().map(|value| value / squared.sqrt()));
         }
     }
-    Array2::from_shape_vec((rows.len() / GENERIC, GENERIC), rows).expect("whole rows")
+    Array2::from_shape_vec((rows.len() / GENERIC_SIZE, GENERIC_SIZE), rows).expect("whole rows")
 }
 
 /// Mean of g gᵀ over rows g.
@@ -143,17 +149,17 @@ fn mean_outer_product(rows: &Array2<f32>) -> Moments {
         let product = block.t().dot(&block);
         sum += Moments::from_fn(|row, column| product[[row, column]].into());
     }
-    // Rounding must not make it lopsided.
+    // Exactly symmetric in spite of rounding.
     (sum + sum.transpose()) / (2.0 * rows.nrows() as f64)
 }
 
-/// Eigenvectors of the largest eigenvalues, largest first; the sign is such that the entry with the
-/// greatest size is positive.
+/// Eigenvectors of the largest eigenvalues, largest first. Their signs make the entry with the
+/// largest absolute value positive.
 fn principal_rows(moments: Moments, count: usize) -> Vec<f32> {
     let eigen = SymmetricEigen::new(moments);
-    let mut order: Vec<usize> = (0..GENERIC).collect();
+    let mut order: Vec<usize> = (0..GENERIC_SIZE).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]).then(a.cmp(&b)));
-    let mut rows = Vec::with_capacity(count * GENERIC);
+    let mut rows = Vec::with_capacity(count * GENERIC_SIZE);
     for &at in &order[..count] {
         let direction = eigen.eigenvectors.column(at);
         let sign = direction[direction.iamax()].signum();
@@ -169,16 +175,16 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     #[test]
-    fn what_is_rare_is_read_although_the_basis_has_no_room_for_it() {
-        // One direction that wavers along four others, and in one pixel of 200 something else.
+    fn a_rare_direction_outside_the_basis_is_decoded() {
+        // One direction with noise along four others; one pixel in 200 has a different direction.
         let mut random = ChaCha8Rng::seed_from_u64(6);
-        let mut rare = vec![0.0; GENERIC];
+        let mut rare = vec![0.0; GENERIC_SIZE];
         (rare[1], rare[31]) = (0.6, 0.8);
         let mut pixel = |at: usize| {
             if at.is_multiple_of(200) {
                 return rare.clone();
             }
-            let mut code = vec![0.0; GENERIC];
+            let mut code = vec![0.0; GENERIC_SIZE];
             code[0] = 1.0;
             (1..5).for_each(|axis| code[axis] = random.random_range(-0.2..0.2));
             code
@@ -186,31 +192,31 @@ mod tests {
         let codes: Vec<f32> = (0..4000).flat_map(&mut pixel).collect();
         let mut stage = Linear::new(4, 0.001);
         stage.observe(&codes);
-        let read = |stage: &Linear| {
-            let read = stage.decode(&stage.encode(&rare));
-            read.iter().zip(&rare).map(|(a, b)| a * b).sum::<f32>()
+        let cosine = |stage: &Linear| {
+            let decoded = stage.decode(&stage.encode(&rare));
+            decoded.iter().zip(&rare).map(|(a, b)| a * b).sum::<f32>()
         };
-        assert!(read(&stage) > 0.99, "{}", read(&stage));
-        // Negative control: by the basis alone it is something else.
-        stage.reader = Dictionary::default().read_by(&stage.basis);
-        assert!(read(&stage) < 0.8, "{}", read(&stage));
+        assert!(cosine(&stage) > 0.99, "{}", cosine(&stage));
+        // Negative control: the basis alone does not decode it.
+        stage.decoder = Dictionary::default().decoder(&stage.basis);
+        assert!(cosine(&stage) < 0.8, "{}", cosine(&stage));
     }
 
     fn basis(angle: f32) -> Vec<f32> {
-        // Two orthonormal rows in the plane of the first two axes, the second one mirrored.
-        let mut rows = vec![0.0; 2 * GENERIC];
+        // Two orthonormal rows in the plane of the first two axes, the second one reflected.
+        let mut rows = vec![0.0; 2 * GENERIC_SIZE];
         (rows[0], rows[1]) = (angle.cos(), angle.sin());
-        (rows[GENERIC], rows[GENERIC + 1]) = (angle.sin(), -angle.cos());
+        (rows[GENERIC_SIZE], rows[GENERIC_SIZE + 1]) = (angle.sin(), -angle.cos());
         rows
     }
 
     #[test]
-    fn a_basis_of_the_same_span_is_turned_back() {
+    fn a_basis_of_the_same_span_is_rotated_back() {
         let (old, new) = (basis(0.0), basis(2.0));
         let furthest =
             |a: &[f32]| a.iter().zip(&old).map(|(a, b)| (a - b).abs()).fold(0.0_f32, f32::max);
-        assert!(furthest(&turned_towards(&old, &new)) < 1e-5);
-        // Negative control: as it comes it is far away.
+        assert!(furthest(&rotated_towards(&old, &new)) < 1e-5);
+        // Negative control: without the rotation it is far away.
         assert!(furthest(&new) > 1.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Codes stay readable: what the first keyframe was told is still there after a hundred more.
+//! The first keyframe's codes can still be decoded after a hundred more keyframes.
 
 use super::*;
 use rand::{Rng, SeedableRng};
@@ -7,23 +7,25 @@ use rand_chacha::ChaCha8Rng;
 const KEYFRAMES: usize = 100;
 const ROWS: usize = 400;
 const CLUSTERS: usize = 60;
-/// Clusters that one keyframe sees.
-const SEEN: usize = 20;
+/// Clusters in view of one keyframe.
+const VISIBLE: usize = 20;
 
 fn normal(random: &mut ChaCha8Rng) -> f32 {
     // Sum of twelve uniform numbers: mean 0, variance 1.
     (0..12).map(|_| random.random_range(-0.5_f32..0.5)).sum()
 }
 
-/// Unit codes around 60 directions, of which the robot sees 20 at a time: it drives away from the
-/// first ones. The directions have a common part and a spectrum that falls by a tenth per axis.
+/// Unit codes around 60 directions, of which 20 are in view at a time: the robot drives away from
+/// the first ones. The directions share a common part, and each further axis has a tenth less
+/// deviation.
 fn drive(seed: u64) -> Vec<Vec<f32>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let axes = nalgebra::DMatrix::from_fn(GENERIC, GENERIC, |_, _| normal(&mut random)).qr().q();
+    let axes =
+        nalgebra::DMatrix::from_fn(GENERIC_SIZE, GENERIC_SIZE, |_, _| normal(&mut random)).qr().q();
     let centers: Vec<Vec<f32>> = (0..CLUSTERS)
         .map(|_| {
-            let mut center = nalgebra::DVector::from_element(GENERIC, 0.0);
-            for axis in 0..GENERIC {
+            let mut center = nalgebra::DVector::from_element(GENERIC_SIZE, 0.0);
+            for axis in 0..GENERIC_SIZE {
                 let along = if axis == 0 { 0.7 } else { 0.9_f32.powi(axis as i32) };
                 let offset = if axis == 0 { 1.0 } else { normal(&mut random) };
                 center += axes.column(axis) * (along * offset);
@@ -31,35 +33,35 @@ fn drive(seed: u64) -> Vec<Vec<f32>> {
             center.normalize().iter().copied().collect()
         })
         .collect();
-    let last_first = CLUSTERS - SEEN;
+    let last_first = CLUSTERS - VISIBLE;
     (0..KEYFRAMES)
         .map(|keyframe| {
             let first = keyframe * last_first / (KEYFRAMES - 1);
-            let mut rows = Vec::with_capacity(ROWS * GENERIC);
+            let mut rows = Vec::with_capacity(ROWS * GENERIC_SIZE);
             for row in 0..ROWS {
-                let center = &centers[first + row % SEEN];
+                let center = &centers[first + row % VISIBLE];
                 rows.extend(center.iter().map(|value| value + 0.03 * normal(&mut random)));
             }
-            normalise_rows(&mut rows, GENERIC);
+            normalise_rows(&mut rows, GENERIC_SIZE);
             rows
         })
         .collect()
 }
 
 fn mean_cosine(a: &[f32], b: &[f32]) -> f32 {
-    let rows = a.chunks_exact(GENERIC).zip(b.chunks_exact(GENERIC));
+    let rows = a.chunks_exact(GENERIC_SIZE).zip(b.chunks_exact(GENERIC_SIZE));
     let sum: f32 = rows.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>()).sum();
-    sum * GENERIC as f32 / a.len() as f32
+    sum * GENERIC_SIZE as f32 / a.len() as f32
 }
 
-/// Mean cosine between the first keyframe's codes and what is decoded at the end.
+/// Mean cosines between the first keyframe's codes and those decoded at the end.
 #[derive(Debug)]
 struct Readable {
-    /// Carried over whenever the version advanced.
+    /// Converted at each increase of the version.
     carried: f32,
-    /// Written once, read by the latest decoder: what the released system does.
+    /// Encoded once, decoded by the latest state, as the paper's released code does.
     frozen: f32,
-    /// Encoded again at the end: what the stage could do at best.
+    /// Encoded and decoded by the latest state: the best that is possible.
     again: f32,
     versions: u64,
 }
@@ -85,31 +87,30 @@ fn after_a_drive(config: &CompressorConfig, keyframes: &[Vec<f32>]) -> Readable 
     }
 }
 
-/// What a code must keep of its 32-D truth.
+/// Least mean cosine of codes that count as readable.
 const READABLE: f32 = 0.9;
 
 #[test]
-fn the_first_keyframe_stays_readable_and_with_the_released_behaviour_it_does_not() {
+fn converted_codes_stay_readable_and_unconverted_ones_do_not() {
     for seed in [1, 2, 3] {
         let keyframes = drive(seed);
         // Measured: carried 0.957 to 0.973, again 0.967 to 0.977, 11 to 13 versions.
         let linear = after_a_drive(&CompressorConfig::default(), &keyframes);
         assert!(linear.carried > 0.95 && linear.again >= linear.carried, "{linear:?}");
-        // The basis rests once it fits, and what was not carried over is nearly readable.
+        // The basis stops changing once it fits, and even codes that were not converted are readable.
         assert!(linear.versions < KEYFRAMES as u64 / 4, "{linear:?}");
         assert!(linear.frozen > READABLE, "{linear:?}");
         let mlp = CompressorConfig { stage: Stage::Mlp, ..Default::default() };
         let mlp = after_a_drive(&mlp, &keyframes);
         assert_eq!(mlp.versions, KEYFRAMES as u64);
         assert!(mlp.carried > READABLE && mlp.again >= mlp.carried, "{mlp:?}");
-        // Negative control, what the released system does: codes are written once and read with
-        // the latest decoder.
+        // Negative control: codes that were not converted are not readable.
         assert!(mlp.frozen < READABLE, "{mlp:?}");
     }
 }
 
 #[test]
-fn decoding_and_encoding_again_would_lose_the_auto_encoder_s_codes() {
+fn decoding_and_encoding_again_loses_the_auto_encoder_s_codes() {
     let keyframes = drive(1);
     let mut stage = Mlp::new(&CompressorConfig { stage: Stage::Mlp, ..Default::default() });
     stage.observe(&keyframes[0]);
@@ -126,7 +127,7 @@ fn decoding_and_encoding_again_would_lose_the_auto_encoder_s_codes() {
 }
 
 #[test]
-fn carrying_over_makes_codes_of_another_stage_readable() {
+fn codes_of_another_stage_are_converted() {
     let keyframes = drive(8);
     let learned = |order: &mut dyn Iterator<Item = &Vec<f32>>| {
         let mut stage = online(&CompressorConfig::default());
@@ -148,7 +149,7 @@ fn carrying_over_makes_codes_of_another_stage_readable() {
 }
 
 #[test]
-fn untrained_stages_do_not_read_their_own_codes() {
+fn untrained_stages_do_not_decode_their_own_codes() {
     let truth = &drive(9)[0];
     for stage in [Stage::Linear, Stage::Mlp] {
         let stage = online(&CompressorConfig { stage, ..Default::default() });
@@ -166,22 +167,22 @@ fn both() -> [CompressorConfig; 2] {
 }
 
 #[test]
-fn no_language_stays_no_language_and_nothing_becomes_nan() {
+fn zero_codes_stay_zero_and_no_value_becomes_nan() {
     let keyframes = drive(4);
     for config in both() {
         let mut stage = online(&config);
-        // Nothing to learn from: nothing changes.
-        assert!(!stage.observe(&[0.0; 3 * GENERIC]) && !stage.observe(&[]));
+        // Without codes the state does not change.
+        assert!(!stage.observe(&[0.0; 3 * GENERIC_SIZE]) && !stage.observe(&[]));
         assert_eq!(stage.version(), 0);
         assert!(stage.observe(&keyframes[0]));
         let before = stage.boxed_clone();
         assert!(stage.observe(&keyframes[KEYFRAMES - 1]));
-        let mut codes = before.encode(&keyframes[0][..2 * GENERIC]);
+        let mut codes = before.encode(&keyframes[0][..2 * GENERIC_SIZE]);
         let written = codes[..15].to_vec();
         codes[15..].fill(0.0);
         carry_over(&*before, &*stage, &mut codes);
         assert!(codes[15..].iter().all(|&value| value == 0.0));
-        // Negative control: the other code did change.
+        // Negative control: the other code has changed.
         assert_ne!(codes[..15], written);
         let decoded = stage.decode(&codes);
         assert!(decoded.iter().chain(&codes).all(|value| value.is_finite()), "{config:?}");
@@ -189,12 +190,12 @@ fn no_language_stays_no_language_and_nothing_becomes_nan() {
 }
 
 #[test]
-fn a_code_of_any_length_says_the_same() {
+fn the_length_of_a_code_does_not_matter() {
     let keyframes = drive(5);
     for config in both() {
         let mut stage = online(&config);
         stage.observe(&keyframes[0]);
-        let codes = stage.encode(&keyframes[0][..GENERIC]);
+        let codes = stage.encode(&keyframes[0][..GENERIC_SIZE]);
         let faint: Vec<f32> = codes.iter().map(|value| value * 0.6).collect();
         let same = mean_cosine(&stage.decode(&codes), &stage.decode(&faint));
         assert!(same > 0.9999, "{same}");
@@ -213,7 +214,7 @@ fn the_same_keyframes_give_the_same_state() {
             stage.encode(&keyframes[0])
         };
         assert_eq!(encode([0, 99]), encode([0, 99]));
-        // Negative control: other keyframes give another.
+        // Negative control: other keyframes give another state.
         assert_ne!(encode([0, 99]), encode([0, 50]));
     }
 }
@@ -223,7 +224,7 @@ fn linear_codes_blend() {
     let keyframes = drive(7);
     let mut stage = Linear::new(15, 1e-3);
     stage.observe(&keyframes[0]);
-    let (a, b) = (&keyframes[0][..GENERIC], &keyframes[0][GENERIC..2 * GENERIC]);
+    let (a, b) = (&keyframes[0][..GENERIC_SIZE], &keyframes[0][GENERIC_SIZE..2 * GENERIC_SIZE]);
     let mixed: Vec<f32> = a.iter().zip(b).map(|(a, b)| 0.3 * a + 0.7 * b).collect();
     let (code_a, code_b) = (stage.encode(a), stage.encode(b));
     let blended: Vec<f32> = code_a.iter().zip(&code_b).map(|(a, b)| 0.3 * a + 0.7 * b).collect();

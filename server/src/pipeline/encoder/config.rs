@@ -1,6 +1,6 @@
 //! Settings of the networks, section `[language]`.
 
-use crate::pipeline::network::Provider;
+use crate::pipeline::network::{BundleOptions, Provider};
 use crate::pipeline::range::{OutOfRange, at_least, within};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -54,6 +54,17 @@ impl LanguageConfig {
         within("language.threads", self.threads, 0..=MAX_THREADS)?;
         at_least("language.queue", self.queue, 1)?;
         at_least("language.label_columns", self.label_columns, 1)
+    }
+}
+
+impl<'a> From<&'a LanguageConfig> for BundleOptions<'a> {
+    fn from(config: &'a LanguageConfig) -> Self {
+        Self {
+            models: &config.models,
+            runtime: config.runtime.as_deref(),
+            providers: &config.providers,
+            threads: config.threads,
+        }
     }
 }
 

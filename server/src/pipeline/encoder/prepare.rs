@@ -1,25 +1,25 @@
-//! An image as a network wants it: size, channel order and normalisation of the bundle's manifest.
+//! Prepares an image for a network: size, channel order and normalisation of the bundle's manifest.
 //!
 //! In: `[height * width * 3]` RGB, 8 bit. Out: planes `[3, height, width]`.
 
-use super::super::frame::Frame;
-use super::super::network::{ChannelOrder, Fit, ImageSpec};
 use super::resample::Resampler;
+use crate::pipeline::frame::Frame;
+use crate::pipeline::network::{ChannelOrder, Fit, ImageSpec};
 
-/// Prepares one image after the other in the same memory.
+/// Prepares images, reusing its buffers.
 #[derive(Default)]
 pub(super) struct Preparation {
     resampler: Resampler,
 }
 
 impl Preparation {
-    /// Scales, orders and normalises into `planes` `[3, height, width]`; gives the share of columns
-    /// and of rows that the image fills, from the top left.
+    /// Resamples, reorders and normalises the image into `planes` `[3, height, width]`. Returns the
+    /// share of columns and of rows that the image fills, from the top left.
     pub(super) fn run(&mut self, frame: &Frame, spec: &ImageSpec, planes: &mut [f32]) -> [f32; 2] {
         let from = (frame.intrinsics.width as usize, frame.intrinsics.height as usize);
         let (width, height) = fitted(from, spec);
         let pixels = self.resampler.run(&frame.rgb, from, (width, height), spec.antialias);
-        // Padding is the mean, which is zero once normalised.
+        // Padding has the mean color, which is zero after normalisation.
         planes.fill(0.0);
         for (channel, plane) in planes.chunks_exact_mut(spec.height * spec.width).enumerate() {
             let source_channel = match spec.channel_order {
@@ -39,12 +39,12 @@ impl Preparation {
 }
 
 /// The share of the network's columns and rows that an image of this (width, height) fills.
-pub(super) fn covered(from: (usize, usize), spec: &ImageSpec) -> [f32; 2] {
+fn covered(from: (usize, usize), spec: &ImageSpec) -> [f32; 2] {
     let (width, height) = fitted(from, spec);
     [width as f32 / spec.width as f32, height as f32 / spec.height as f32]
 }
 
-/// The size that the image gets within the network's.
+/// Width and height of the image within the network's input.
 fn fitted((width, height): (usize, usize), spec: &ImageSpec) -> (usize, usize) {
     match spec.fit {
         Fit::Squash => (spec.width, spec.height),

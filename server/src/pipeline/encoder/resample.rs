@@ -1,9 +1,9 @@
-//! Images in another size. Shrinking averages over what it drops (triangle filter, as wide as the
-//! scale), or, without antialiasing, is bilinear as growing is. Pixel areas keep their place.
+//! Resampling of images. Shrinking uses a triangle filter as wide as the scale, or, without
+//! antialiasing, bilinear interpolation. Growing is bilinear. Source and result cover the same area.
 
 use rayon::prelude::*;
 
-/// The source pixels that make one destination pixel along an axis; the weights add up to 1.
+/// Source pixels and weights of one destination pixel along an axis. The weights add up to 1.
 struct Taps {
     first: usize,
     weights: Vec<f32>,
@@ -27,16 +27,16 @@ impl Taps {
     }
 }
 
-/// Resamples one image after the other in the same memory.
+/// Resamples images, reusing its buffers.
 #[derive(Default)]
 pub(super) struct Resampler {
-    /// Columns resampled, rows as they are.
+    /// The image with resampled columns and unchanged rows.
     narrow: Vec<f32>,
-    found: Vec<f32>,
+    result: Vec<f32>,
 }
 
 impl Resampler {
-    /// `[height, width, 3]`, 8 bit, of `from` = (width, height) to the same in f32 of size `to`.
+    /// `[height, width, 3]`, 8 bit, of size `from` to f32 of size `to`; sizes are (width, height).
     pub(super) fn run(
         &mut self,
         rgb: &[u8],
@@ -61,15 +61,15 @@ impl Resampler {
         });
         let lines = Taps::all(from.1, to.1, antialias);
         let narrow = &self.narrow;
-        self.found.resize(to.1 * to.0 * 3, 0.0);
-        self.found.par_chunks_exact_mut(to.0 * 3).zip(&lines).for_each(|(row, taps)| {
+        self.result.resize(to.1 * to.0 * 3, 0.0);
+        self.result.par_chunks_exact_mut(to.0 * 3).zip(&lines).for_each(|(row, taps)| {
             row.fill(0.0);
             let sources = narrow[taps.first * to.0 * 3..].chunks_exact(to.0 * 3);
             for (&weight, source) in taps.weights.iter().zip(sources) {
                 row.iter_mut().zip(source).for_each(|(sum, value)| *sum += weight * value);
             }
         });
-        &self.found
+        &self.result
     }
 }
 
@@ -79,8 +79,8 @@ mod tests {
     use image::imageops::{FilterType, resize};
     use image::{ImageBuffer, Rgb};
 
-    /// Another implementation of the same filter, rounded to 8 bit.
-    fn other(rgb: &[u8], from: (u32, u32), to: (u32, u32), filter: FilterType) -> Vec<f32> {
+    /// The `image` crate's implementation of the same filter, rounded to 8 bit.
+    fn reference(rgb: &[u8], from: (u32, u32), to: (u32, u32), filter: FilterType) -> Vec<f32> {
         let image: ImageBuffer<Rgb<u8>, &[u8]> =
             ImageBuffer::from_raw(from.0, from.1, rgb).unwrap();
         resize(&image, to.0, to.1, filter).into_raw().into_iter().map(f32::from).collect()
@@ -92,17 +92,17 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_triangle_filter() {
+    fn shrinking_is_the_triangle_filter() {
         let from = (37, 23);
         let rgb: Vec<u8> = (0..37 * 23 * 3_u32).map(|i| (i * i % 251) as u8).collect();
         for to in [(37, 23), (11, 9), (12, 40), (80, 60)] {
             let found = Resampler::default().run(&rgb, (37, 23), to, true).to_vec();
             let to = (to.0 as u32, to.1 as u32);
-            let apart = furthest(&found, &other(&rgb, from, to, FilterType::Triangle));
-            // Rounding to 8 bit in between.
+            let apart = furthest(&found, &reference(&rgb, from, to, FilterType::Triangle));
+            // The reference is rounded to 8 bit.
             assert!(apart < 1.01, "{to:?}: {apart}");
-            // Negative control: another filter is far away, unless there is nothing to do.
-            let nearest = furthest(&found, &other(&rgb, from, to, FilterType::Nearest));
+            // Negative control: another filter differs, unless the size is unchanged.
+            let nearest = furthest(&found, &reference(&rgb, from, to, FilterType::Nearest));
             assert!(nearest > 20.0 || to == from, "{to:?}: {nearest}");
         }
     }
@@ -118,7 +118,7 @@ mod tests {
             resampler.run(&rgb, (6, 1), (4, 1), antialias).iter().step_by(3).copied().collect()
         };
         assert!(furthest(&found(false, &mut resampler), &BILINEAR) < 1e-3);
-        // Negative control: the average is another; and the memory's past does not matter.
+        // Negative control: with antialiasing the result differs. Earlier images have no influence.
         assert!(furthest(&found(true, &mut resampler), &BILINEAR) > 1.0);
         assert!(furthest(&found(false, &mut resampler), &BILINEAR) < 1e-3);
     }

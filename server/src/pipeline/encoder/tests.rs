@@ -1,8 +1,12 @@
-//! Images are prepared as the manifest says, and the bundle makes unit codes of them.
+//! Preparation of images, codes of images and of labels, and the bounded queue.
 
+use super::prepare::Preparation;
+use super::vision::cropped;
 use super::*;
-use crate::pipeline::frame::Intrinsics;
-use crate::pipeline::network::{Bundle, ChannelOrder, Fit};
+use crate::pipeline::compressor::GENERIC_SIZE;
+use crate::pipeline::compressor::generic::CodeGrid;
+use crate::pipeline::frame::{Frame, Intrinsics, Labels};
+use crate::pipeline::network::{Bundle, ChannelOrder, Fit, ImageSpec};
 use std::sync::mpsc;
 
 fn frame(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 3]) -> Frame {
@@ -37,7 +41,7 @@ struct Prepared {
     covered: [f32; 2],
 }
 
-/// Into memory that is not clean.
+/// Prepares into memory that holds NaN.
 fn prepare(frame: &Frame, spec: &ImageSpec) -> Prepared {
     let mut planes = vec![f32::NAN; 3 * spec.height * spec.width];
     let covered = Preparation::default().run(frame, spec, &mut planes);
@@ -55,7 +59,7 @@ fn an_image_of_the_right_size_is_only_normalised() {
 }
 
 #[test]
-fn blue_is_first_where_the_network_wants_it() {
+fn blue_is_first_for_bgr_networks() {
     let image = frame(1, 1, |_, _| [10, 60, 230]);
     let bgr = ImageSpec { channel_order: ChannelOrder::Bgr, ..spec(1, 1) };
     assert_eq!(prepare(&image, &bgr).planes, [110.0, 10.0, -4.0]);
@@ -65,7 +69,8 @@ fn blue_is_first_where_the_network_wants_it() {
 
 #[test]
 fn shrinking_averages_and_squashing_fills() {
-    // Columns alternate between 0 and 200: a sampled pixel would be one of them, the mean is 100.
+    // Columns alternate between 0 and 200. Samples without a filter would be one of them; the mean
+    // is 100.
     let image = frame(64, 16, |x, _| [if x % 2 == 0 { 0 } else { 200 }; 3]);
     let prepared = prepare(&image, &spec(8, 8));
     assert_eq!(prepared.planes.len(), 3 * 64);
@@ -84,18 +89,18 @@ fn padding_keeps_the_aspect_and_fills_with_the_mean() {
     assert_eq!(prepared.planes[..16], red);
     // The cells below the image are cut off.
     let grid =
-        CodeGrid { height: 4, width: 2, codes: (0..8 * GENERIC).map(|i| i as f32).collect() };
+        CodeGrid { height: 4, width: 2, codes: (0..8 * GENERIC_SIZE).map(|i| i as f32).collect() };
     let kept = cropped(grid, prepared.covered);
     assert_eq!((kept.height, kept.width), (2, 2));
-    assert_eq!(kept.codes, (0..4 * GENERIC).map(|i| i as f32).collect::<Vec<_>>());
+    assert_eq!(kept.codes, (0..4 * GENERIC_SIZE).map(|i| i as f32).collect::<Vec<_>>());
 }
 
 fn vision_only() -> crate::pipeline::network::VisionNetworks {
     Bundle::load(&LanguageConfig::default()).expect("models/tiny is part of the project").split().0
 }
 
-/// For frames without labels.
-fn no_words() -> Embed {
+/// An embedder for frames without labels.
+fn no_texts() -> Embed {
     Box::new(|text| panic!("nothing is labelled {text:?}"))
 }
 
@@ -105,20 +110,20 @@ fn labelled(ids: Vec<u16>, texts: &[&str]) -> Frame {
 }
 
 #[test]
-fn labels_become_the_codes_of_their_texts_and_no_network_looks() {
+fn labels_become_the_codes_of_their_texts() {
     let (networks, text) = Bundle::load(&LanguageConfig::default())
         .expect("models/tiny is part of the project")
         .split();
     let mut tower = text.tower;
-    let asked = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
-    let noted = asked.clone();
+    let requested = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    let noted = requested.clone();
     let embed = move |text: &str| {
-        noted.lock().expect("nobody panics").push(text.to_owned());
+        noted.lock().expect("no thread panics").push(text.to_owned());
         tower.embed(text).map(Into::into).map_err(|error| error.to_string())
     };
     let mut vision = Vision::new(networks, Box::new(embed), &LanguageConfig::default());
-    // As many pixels as cells: left a sofa, right a lamp twice, a stripe of nothing, one label
-    // without words, one that no pixel has.
+    // One pixel per cell. Left a sofa; right a lamp under two labels; a row of label 0; a row of a
+    // label with an empty text; a label that no pixel has.
     let ids = |at: u16| match (at % 96, at / 96) {
         (_, 0) => 0,
         (_, 1) => 4,
@@ -128,40 +133,46 @@ fn labels_become_the_codes_of_their_texts_and_no_network_looks() {
     let image = labelled((0..96 * 72).map(ids).collect(), &["sofa", "lamp", "lamp", "", "bed"]);
     let found = vision.run(&image).expect("it runs");
     assert_eq!((found.width, found.height), (96, 72));
-    let code = |column: usize, row: usize| &found.codes[(row * 96 + column) * GENERIC..][..GENERIC];
+    let code = |column: usize, row: usize| {
+        &found.codes[(row * 96 + column) * GENERIC_SIZE..][..GENERIC_SIZE]
+    };
     assert!(code(3, 0).iter().chain(code(3, 1)).all(|value| *value == 0.0), "no language");
     let (sofa, lamp) = (code(3, 40), code(70, 40));
     assert_eq!((lamp, sofa), (code(71, 40), code(47, 71)), "one text, one code");
     let cosine: f32 = sofa.iter().zip(lamp).map(|(a, b)| a * b).sum();
     assert!(cosine < 0.9, "different texts, different codes: {cosine}");
-    assert_eq!(*asked.lock().expect("nobody panics"), ["lamp", "sofa"], "each once, none in vain");
+    assert_eq!(
+        *requested.lock().expect("no thread panics"),
+        ["lamp", "sofa"],
+        "each text once, and no other"
+    );
 
-    // A text alone among zeros has the same code: cells do not see each other.
+    // A text that is compressed alone has the same code: cells are independent.
     let again = vision.run(&labelled(vec![1; 96 * 72], &["sofa"])).expect("it runs");
-    assert_eq!(&again.codes[..GENERIC], sofa, "kept");
+    assert_eq!(&again.codes[..GENERIC_SIZE], sofa, "from the cache");
     let image = labelled(vec![1; 96 * 72], &["a sofa"]);
     let other = vision.run(&image).expect("it runs");
-    assert_ne!(&other.codes[..GENERIC], sofa, "other words, another code");
+    assert_ne!(&other.codes[..GENERIC_SIZE], sofa, "another text, another code");
 
-    let mut deaf = Vision::new(
+    let mut failing = Vision::new(
         vision_only(),
         Box::new(|_| Err("out of words".into())),
         &LanguageConfig::default(),
     );
-    let error = deaf.run(&image).expect_err("there is no embedding");
+    let error = failing.run(&image).expect_err("there is no embedding");
     assert!(error.to_string().contains("out of words"), "{error}");
 }
 
 #[test]
 fn a_frame_becomes_unit_codes_that_follow_the_image() {
-    let mut vision = Vision::new(vision_only(), no_words(), &LanguageConfig::default());
+    let mut vision = Vision::new(vision_only(), no_texts(), &LanguageConfig::default());
     let stripes =
         frame(160, 120, |x, y| [x as u8, 255 - y as u8, if x / 20 % 2 == 0 { 9 } else { 240 }]);
     let flat = frame(160, 120, |_, _| [128; 3]);
     let found = vision.run(&stripes).expect("it runs");
     let cells = (found.width * found.height) as usize;
-    assert!(cells > 1000 && found.codes.len() == cells * GENERIC);
-    for code in found.codes.chunks_exact(GENERIC) {
+    assert!(cells > 1000 && found.codes.len() == cells * GENERIC_SIZE);
+    for code in found.codes.chunks_exact(GENERIC_SIZE) {
         let length: f32 = code.iter().map(|value| value * value).sum();
         assert!((length - 1.0).abs() < 1e-3, "{length}");
     }
@@ -173,7 +184,7 @@ fn a_frame_becomes_unit_codes_that_follow_the_image() {
 #[test]
 fn a_full_queue_gives_the_frame_back() {
     let config = LanguageConfig { queue: 1, ..LanguageConfig::default() };
-    let thread = LanguageThread::start(vision_only(), no_words(), &config).expect("a thread");
+    let thread = LanguageThread::start(vision_only(), no_texts(), &config).expect("a thread");
     let image = |sequence| Frame { sequence, ..frame(8, 8, |_, _| [7; 3]) };
     let (started, has_started) = mpsc::sync_channel(1);
     let (go_on, may_go_on) = mpsc::sync_channel::<()>(1);
@@ -186,7 +197,7 @@ fn a_full_queue_gives_the_frame_back() {
     };
     assert!(thread.try_submit(image(1), held).is_ok());
     has_started.recv().expect("the first one runs");
-    // The first is in work and holds the thread, the second waits, the third has no place.
+    // The first frame occupies the thread, the second the queue; the third is refused.
     let reply = move |result: Result<LanguageMap, String>| {
         done.send(result.is_ok()).expect("the test listens");
     };

@@ -1,6 +1,9 @@
 //! The thread that owns the vision networks, shared by all maps.
 
-use super::{Embed, LanguageConfig, LanguageMap, Vision};
+use super::config::LanguageConfig;
+use super::labels::Embed;
+use super::language_map::LanguageMap;
+use super::vision::Vision;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::network::VisionNetworks;
 use crate::telemetry::LANGUAGE_SECONDS;

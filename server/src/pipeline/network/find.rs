@@ -1,32 +1,32 @@
-//! Where the bundle and ONNX Runtime's library are on disk.
+//! Finds the bundle and ONNX Runtime's library on disk.
 //!
-//! In: configured paths. Out: existing paths. Relative paths are looked for beside the working
-//! directory, then beside the executable and each folder above it. Nothing is loaded here.
+//! In: configured paths. Out: existing paths. Relative paths are looked up in the working directory,
+//! then beside the executable and in each folder above it. Nothing is loaded here.
 
 use std::path::{Path, PathBuf};
 
-/// The variable that names ONNX Runtime's library, as all programs that use `ort` have it.
+/// The environment variable with the path of ONNX Runtime's library; the convention of `ort`.
 const RUNTIME_VARIABLE: &str = "ORT_DYLIB_PATH";
-/// Where `make deps` puts ONNX Runtime.
+/// Folder in which `make deps` installs ONNX Runtime.
 const RUNTIME_FOLDER: &str = ".deps/onnxruntime";
-/// What the library's file name starts with; a version may follow.
+/// Prefix of the library's file name; a version may follow.
 const RUNTIME_PREFIX: &str = "libonnxruntime.so";
-/// Folders below [`RUNTIME_FOLDER`] that are searched.
+/// Depth of the search below [`RUNTIME_FOLDER`].
 const RUNTIME_DEPTH: usize = 8;
 
-/// Something is not on this machine.
+/// A required file is missing.
 #[derive(Debug, thiserror::Error)]
 pub enum FindError {
-    /// No library.
+    /// ONNX Runtime's library was not found.
     #[error(
-        "ONNX Runtime's library is not there: looked for {looked_for}; run `make deps`, or set \
+        "ONNX Runtime's library was not found: looked for {looked_for}; run `make deps`, or set \
          language.runtime or {RUNTIME_VARIABLE} to a libonnxruntime.so"
     )]
     Runtime {
-        /// The places.
+        /// The paths that were searched.
         looked_for: String,
     },
-    /// No bundle.
+    /// The bundle's folder was not found.
     #[error(
         "language.models: no folder with a manifest.toml at {models:?}, neither beside the working \
          directory nor beside the executable or a folder above it"
@@ -37,14 +37,15 @@ pub enum FindError {
     },
 }
 
-/// The bundle's folder: the one with a `manifest.toml`.
+/// The bundle's folder, which holds a `manifest.toml`.
 pub(super) fn bundle(models: &Path) -> Result<PathBuf, FindError> {
     candidates(models)
         .find(|folder| folder.join("manifest.toml").is_file())
         .ok_or_else(|| FindError::Models { models: models.to_owned() })
 }
 
-/// ONNX Runtime's shared library: configured, else from the environment, else what `make deps` got.
+/// ONNX Runtime's shared library: the configured one, else the one of the environment, else the one
+/// of `make deps`.
 pub(super) fn runtime(configured: Option<&Path>) -> Result<PathBuf, FindError> {
     let named = configured
         .map(Path::to_owned)
@@ -62,14 +63,14 @@ pub(super) fn runtime(configured: Option<&Path>) -> Result<PathBuf, FindError> {
     })
 }
 
-/// The path as it is, then below each folder above the executable (if it is relative).
+/// The path itself, then, if it is relative, the same path in each folder above the executable.
 fn candidates(path: &Path) -> impl Iterator<Item = PathBuf> {
     let executable = std::env::current_exe().unwrap_or_default();
     let above: Vec<PathBuf> = executable.ancestors().skip(1).map(|dir| dir.join(path)).collect();
     std::iter::once(path.to_owned()).chain(above)
 }
 
-/// The first library in or below `folder`, in the order of names.
+/// The first library in or below `folder`, in alphabetical order.
 fn library_below(folder: &Path, depth: usize) -> Option<PathBuf> {
     let mut entries: Vec<PathBuf> =
         std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).collect();
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_library_is_found_below_the_folder_and_nothing_else_is_taken_for_it() {
+    fn a_library_is_found_below_the_folder_and_no_other_file_is() {
         let folder = std::env::temp_dir().join(format!("lexsplat-find-{}", std::process::id()));
         let deep = folder.join("lib/python3/site-packages/onnxruntime/capi");
         std::fs::create_dir_all(&deep).unwrap();
@@ -106,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn errors_name_the_missing_path() {
         let missing = Path::new("no/such/place");
         let error = runtime(Some(missing)).unwrap_err().to_string();
         assert!(error.contains("no/such/place") && error.contains("make deps"), "{error}");

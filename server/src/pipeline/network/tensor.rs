@@ -1,53 +1,54 @@
-//! Tensors, and what a tensor of a graph must be.
+//! Tensors, and specifications of the tensors that a graph must have.
 //!
-//! Outside a graph, floats are single precision; a graph may have them in half, and they are
-//! converted where they enter and when they are read.
+//! Outside a graph, floats have single precision. A graph may use half precision: floats are
+//! converted when they enter it and when its outputs are read.
 
-use super::runtime::NetworkError;
+use super::error::NetworkError;
 use half::f16;
 use ort::value::{DynValue, PrimitiveTensorElementType, TensorElementType, ValueType};
 use std::borrow::Cow;
 
 /// Type of a tensor's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// In single precision, or as a graph has it in half.
+pub(super) enum ElementType {
+    /// Single precision; in the graph it may be half precision.
     Float32,
     Int64,
 }
 
-/// Whether numbers of this type are taken as floats.
+/// Whether the type counts as [`ElementType::Float32`].
 fn is_float(kind: TensorElementType) -> bool {
     matches!(kind, TensorElementType::Float32 | TensorElementType::Float16)
 }
 
-/// What a tensor must be; `None` is any size, no shape at all is any shape.
+/// Required type and shape of a tensor.
 #[derive(Clone, Debug)]
-pub(super) struct Declared {
-    kind: Kind,
+pub(super) struct TensorSpec {
+    element_type: ElementType,
+    /// `None`: any shape. An axis of `None`: any size.
     shape: Option<Vec<Option<usize>>>,
 }
 
-impl Declared {
-    pub(super) fn new(kind: Kind, shape: &[Option<usize>]) -> Self {
-        Self { kind, shape: Some(shape.to_vec()) }
+impl TensorSpec {
+    pub(super) fn new(element_type: ElementType, shape: &[Option<usize>]) -> Self {
+        Self { element_type, shape: Some(shape.to_vec()) }
     }
 
     /// Floats of exactly this shape.
     pub(super) fn floats<const N: usize>(shape: [usize; N]) -> Self {
-        Self::new(Kind::Float32, &shape.map(Some))
+        Self::new(ElementType::Float32, &shape.map(Some))
     }
 
     /// Floats of any shape.
     pub(super) fn any() -> Self {
-        Self { kind: Kind::Float32, shape: None }
+        Self { element_type: ElementType::Float32, shape: None }
     }
 
-    /// Fails if `found` cannot be this; sizes that a graph leaves open (-1) may be anything.
+    /// Fails if `found` does not match. Sizes that a graph leaves open (-1) match any size.
     pub(super) fn check(&self, tensor: &str, found: &ValueType) -> Result<(), NetworkError> {
-        let same_kind = match self.kind {
-            Kind::Float32 => found.tensor_type().is_some_and(is_float),
-            Kind::Int64 => found.tensor_type() == Some(TensorElementType::Int64),
+        let same_type = match self.element_type {
+            ElementType::Float32 => found.tensor_type().is_some_and(is_float),
+            ElementType::Int64 => found.tensor_type() == Some(TensorElementType::Int64),
         };
         let same_shape = match (&self.shape, found.tensor_shape()) {
             (Some(expected), Some(shape)) => {
@@ -59,22 +60,22 @@ impl Declared {
             (None, Some(_)) => true,
             (_, None) => false,
         };
-        if same_shape && same_kind {
+        if same_shape && same_type {
             return Ok(());
         }
         Err(NetworkError::Tensor {
             tensor: tensor.into(),
             expected: self.to_string(),
-            found: written(found),
+            found: describe(found),
         })
     }
 }
 
-impl std::fmt::Display for Declared {
+impl std::fmt::Display for TensorSpec {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = match self.kind {
-            Kind::Float32 => "f32",
-            Kind::Int64 => "i64",
+        let kind = match self.element_type {
+            ElementType::Float32 => "f32",
+            ElementType::Int64 => "i64",
         };
         let Some(shape) = &self.shape else { return f.write_str(kind) };
         let sizes: Vec<String> =
@@ -83,8 +84,8 @@ impl std::fmt::Display for Declared {
     }
 }
 
-/// Type and shape of what a graph has, as [`Declared`] writes it.
-fn written(found: &ValueType) -> String {
+/// Type and shape in the graph, formatted as [`TensorSpec`] is.
+fn describe(found: &ValueType) -> String {
     let kind = found.tensor_type().map_or("no tensor".into(), |kind| kind.to_string());
     let sizes: Vec<String> = found
         .tensor_shape()
@@ -99,18 +100,18 @@ fn written(found: &ValueType) -> String {
 pub struct Tensor(DynValue);
 
 impl Tensor {
-    /// Floats; `data` has as many as `shape` says.
+    /// A tensor of floats.
     ///
     /// # Panics
-    /// If it has not.
+    /// If the length of `data` is not the product of `shape`.
     pub fn floats(shape: &[usize], data: Vec<f32>) -> Self {
         Self::new(shape, data)
     }
 
-    /// Integers; `data` has as many as `shape` says.
+    /// A tensor of integers.
     ///
     /// # Panics
-    /// If it has not.
+    /// If the length of `data` is not the product of `shape`.
     pub fn ints(shape: &[usize], data: Vec<i64>) -> Self {
         Self::new(shape, data)
     }
@@ -121,39 +122,40 @@ impl Tensor {
     ) -> Self {
         let shape: Vec<i64> = shape.iter().map(|&size| size as i64).collect();
         let tensor = ort::value::Tensor::from_array((shape, data));
-        Self(tensor.expect("as many numbers as the shape says").into_dyn())
+        Self(tensor.expect("the data has the size of the shape").into_dyn())
     }
 
-    /// What a run gave.
+    /// An output of a run.
     pub(super) fn from_value(value: DynValue) -> Self {
         Self(value)
     }
 
-    /// What a run takes.
+    /// An input of a run.
     pub(super) fn value(&self) -> &DynValue {
         &self.0
     }
 
-    /// The numbers of a tensor of floats. Only those in half precision are copied.
+    /// Elements of a tensor of floats, row-major. Only half precision is copied.
     pub fn as_floats(&self) -> Cow<'_, [f32]> {
         if let Ok((_, data)) = self.0.try_extract_tensor::<f32>() {
             return Cow::Borrowed(data);
         }
         let halves = self.0.try_extract_tensor::<f16>();
-        let (_, data) = halves.expect("tensors that are read as floats are checked to be floats");
+        let (_, data) = halves.expect("the type was checked when the graph ran");
         Cow::Owned(data.iter().map(|value| value.to_f32()).collect())
     }
 
-    /// The numbers of a tensor that was made with [`Self::floats`], to be written over.
+    /// Mutable elements of a tensor that was made by [`Self::floats`].
     ///
     /// # Panics
-    /// If it was made otherwise.
+    /// If it was made in another way.
     pub fn floats_mut(&mut self) -> &mut [f32] {
-        let (_, data) = self.0.try_extract_tensor_mut().expect("it was made of floats");
+        let (_, data) =
+            self.0.try_extract_tensor_mut().expect("the tensor was made by Self::floats");
         data
     }
 
-    /// The same numbers in the precision that a graph takes; `None` if they are so already.
+    /// The same elements in the precision of a graph's input; `None` if no conversion is needed.
     pub(super) fn converted(&self, to: Option<TensorElementType>) -> Option<Self> {
         let from = self.0.dtype().tensor_type();
         if from == to || !from.is_some_and(is_float) {
@@ -169,9 +171,9 @@ impl Tensor {
         }
     }
 
-    /// The sizes.
+    /// Size of each axis.
     pub fn shape(&self) -> Vec<usize> {
-        let shape = self.0.dtype().tensor_shape().expect("only tensors are made");
+        let shape = self.0.dtype().tensor_shape().expect("the value is a tensor");
         shape.iter().map(|&size| size as usize).collect()
     }
 }

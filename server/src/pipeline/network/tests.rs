@@ -1,12 +1,19 @@
-//! A bundle is refused with the file, the tensor, and what was expected and found.
+//! Errors of an invalid bundle name the file and the tensor, with the expected and the found value.
 
-use super::*;
+use super::{Bundle, BundleError, BundleOptions, Provider, find};
+use serde::Deserialize;
 use sha2::{Digest, Sha256};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// The bundle that ships with the project.
+/// The bundle that ships with the project, on the CPU.
+fn defaults() -> BundleOptions<'static> {
+    let models = Path::new("models/tiny");
+    BundleOptions { models, runtime: None, providers: &[Provider::Cpu], threads: 0 }
+}
+
+/// Folder of the shipped bundle.
 fn shipped() -> PathBuf {
-    find::bundle(&LanguageConfig::default().models).expect("models/tiny is part of the project")
+    find::bundle(defaults().models).expect("models/tiny is part of the project")
 }
 
 /// A copy of the shipped bundle whose manifest can be changed; gone when dropped.
@@ -35,7 +42,7 @@ impl Copy {
         std::fs::write(self.0.join("manifest.toml"), text.replacen(from, to, 1)).unwrap();
     }
 
-    /// Changes a file; the manifest gets its new checksum.
+    /// Replaces a file and its checksum in the manifest.
     fn replace(&self, file: &str, bytes: &[u8]) {
         let hex = |bytes: &[u8]| -> String {
             Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
@@ -45,10 +52,10 @@ impl Copy {
         self.rewrite(&hex(&before), &hex(bytes));
     }
 
-    /// What is said of it, causes included.
+    /// The error of loading it, empty if there is none.
     fn error(&self) -> String {
-        let config = LanguageConfig { models: self.0.clone(), ..LanguageConfig::default() };
-        let Err(error) = Bundle::load(&config) else { return String::new() };
+        let options = BundleOptions { models: &self.0, ..defaults() };
+        let Err(error) = Bundle::load(options) else { return String::new() };
         error.to_string()
     }
 }
@@ -65,7 +72,7 @@ fn assert_says(error: &str, parts: &[&str]) {
     }
 }
 
-/// A line of the copy's manifest that starts with this.
+/// The line of the copy's manifest that starts with `start`, white space ignored.
 fn line(copy: &Copy, start: &str) -> String {
     let text = copy.manifest();
     let found = text.lines().find(|line| line.replace(' ', "").starts_with(start));
@@ -74,7 +81,7 @@ fn line(copy: &Copy, start: &str) -> String {
 
 #[test]
 fn an_unchanged_copy_loads() {
-    // The negative control of everything below.
+    // Negative control of the tests below.
     assert_eq!(Copy::new("same").error(), "");
 }
 
@@ -93,7 +100,7 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
-fn another_file_than_the_manifest_s_is_refused_by_its_checksum() {
+fn a_changed_file_is_refused_by_its_checksum() {
     let copy = Copy::new("sha");
     let path = copy.0.join("compress.onnx");
     let mut bytes = std::fs::read(&path).unwrap();
@@ -129,14 +136,14 @@ fn a_wrong_shape_names_file_tensor_expected_and_found() {
 }
 
 #[test]
-fn a_wrong_tensor_is_named_with_those_that_there_are() {
+fn an_unknown_tensor_is_named_with_the_known_ones() {
     let copy = Copy::new("tensor");
     copy.rewrite("\"skip4\"]", "\"skip5\"]");
     assert_says(&copy.error(), &["encoder.onnx", "skip5", "skip4"]);
 }
 
 #[test]
-fn values_that_cannot_be_are_named() {
+fn values_out_of_range_are_named() {
     let cases = [
         ("code_size=", "code_size = 31", ["code_size", "32", "31"]),
         ("std=", "std = [1.0, 0.0, 1.0]", ["image.std", "above 0", "0.0"]),
@@ -160,34 +167,34 @@ fn values_that_cannot_be_are_named() {
 }
 
 #[test]
-fn one_way_from_an_image_to_codes_is_needed_and_no_second_one() {
-    let folded = "[vision]\nfile = \"vision.onnx\"\ninput = \"image\"\noutput = \"codes\"\n\
+fn exactly_one_form_of_the_vision_graphs_is_required() {
+    let end_to_end = "[vision]\nfile = \"vision.onnx\"\ninput = \"image\"\noutput = \"codes\"\n\
                   grid = [72, 96]\n\n";
     let copy = Copy::new("ways");
-    let written = copy.manifest();
+    let original = copy.manifest();
     let section = |name: &str| -> String {
-        let start = written.find(&format!("[{name}]")).expect("it has this section");
-        let length = written[start..].find("\n\n").expect("another one follows");
-        written[start..start + length + 2].to_owned()
+        let start = original.find(&format!("[{name}]")).expect("it has this section");
+        let length = original[start..].find("\n\n").expect("another one follows");
+        original[start..start + length + 2].to_owned()
     };
     let (encoder, srd) = (section("encoder"), section("srd"));
     let compress = line(&copy, "encoder={");
     let cases = [
-        (written.replace("[encoder]", &format!("{folded}[encoder]")), "vision", "both"),
-        (written.replace(&encoder, ""), "encoder", "none"),
-        (written.replace(&srd, ""), "srd", "none"),
-        (written.replace(&compress, ""), "compressor.encoder", "none"),
+        (original.replace("[encoder]", &format!("{end_to_end}[encoder]")), "vision", "both"),
+        (original.replace(&encoder, ""), "encoder", "none"),
+        (original.replace(&srd, ""), "srd", "none"),
+        (original.replace(&compress, ""), "compressor.encoder", "none"),
     ];
     for (manifest, key, found) in cases {
         std::fs::write(copy.0.join("manifest.toml"), manifest).unwrap();
         let found = format!("found {found}");
         assert_says(&copy.error(), &[&format!("{key}: expected [vision], or [encoder]"), &found]);
     }
-    // Negative control: with the one way alone, it is the file that is missing.
-    let alone = written.replace(&encoder, folded).replace(&srd, "").replace(&compress, "");
+    // Negative control: with one form alone, only its file is missing.
+    let alone = original.replace(&encoder, end_to_end).replace(&srd, "").replace(&compress, "");
     std::fs::write(copy.0.join("manifest.toml"), alone).unwrap();
     assert_says(&copy.error(), &["sha256", "vision.onnx", "none"]);
-    std::fs::write(copy.0.join("manifest.toml"), &written).unwrap();
+    std::fs::write(copy.0.join("manifest.toml"), &original).unwrap();
     assert_eq!(copy.error(), "");
 }
 
@@ -199,13 +206,13 @@ fn networks_of_another_feature_size_are_refused() {
     assert_says(&copy.error(), &["srd.onnx", "features", "768, 72, 96]", "384, 72, 96]"]);
 }
 
-/// With these providers, and the library that `make deps` got.
+/// The shipped bundle with these providers and the library of `make deps`.
 fn loaded(providers: &[Provider]) -> Result<Bundle, BundleError> {
-    Bundle::load(&LanguageConfig { providers: providers.to_vec(), ..LanguageConfig::default() })
+    Bundle::load(BundleOptions { providers, ..defaults() })
 }
 
 #[test]
-fn what_the_library_lacks_is_an_error_unless_the_cpu_will_do() {
+fn a_missing_provider_is_an_error_unless_the_cpu_is_listed() {
     for missing in [Provider::Cuda, Provider::TensorRt, Provider::WebGpu] {
         let Err(error) = loaded(&[missing]) else {
             panic!("the library of `make deps` has no {missing:?}");
@@ -218,8 +225,12 @@ fn what_the_library_lacks_is_an_error_unless_the_cpu_will_do() {
 }
 
 #[test]
-fn providers_are_written_as_they_are_said() {
-    let read = |text: &str| toml::from_str::<LanguageConfig>(text);
+fn provider_names_are_read_from_settings() {
+    #[derive(Debug, Deserialize)]
+    struct Config {
+        providers: Vec<Provider>,
+    }
+    let read = |text: &str| toml::from_str::<Config>(text);
     let all = read("providers = [\"tensorrt\", \"cuda\", \"webgpu\", \"cpu\"]").unwrap();
     let names: Vec<&str> = all.providers.iter().map(|provider| provider.name()).collect();
     assert_eq!(names, ["tensorrt", "cuda", "webgpu", "cpu"]);
@@ -228,15 +239,15 @@ fn providers_are_written_as_they_are_said() {
 }
 
 #[test]
-fn words_of_one_meaning_are_near() {
-    let (_, mut text) = Bundle::load(&LanguageConfig::default()).expect("it loads").split();
+fn synonyms_have_near_embeddings() {
+    let (_, mut text) = Bundle::load(defaults()).expect("it loads").split();
     let mut embed = |word: &str| text.tower.embed(word).expect("it runs");
     let (couch, sofa, banana) = (embed("couch"), embed("sofa"), embed("banana"));
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
     assert!((dot(&couch, &couch) - 1.0).abs() < 1e-3);
     let (near, far) = (dot(&couch, &sofa), dot(&couch, &banana));
     assert!(near > far + 0.2, "couch-sofa {near}, couch-banana {far}");
-    // Far more words than are read: still an embedding.
+    // More words than max_tokens: still an embedding.
     let long = embed(&"word ".repeat(200));
     assert!((dot(&long, &long) - 1.0).abs() < 1e-3);
 }

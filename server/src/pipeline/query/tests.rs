@@ -1,7 +1,9 @@
 //! Questions to a small map: a couch on the left, a banana on the right, nothing else.
 
 use super::*;
-use crate::pipeline::compressor::{CompressorConfig, GENERIC, OnlineStage, normalise_rows, online};
+use crate::pipeline::compressor::{
+    CompressorConfig, GENERIC_SIZE, OnlineStage, normalise_rows, online,
+};
 use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::network::{Bundle, Tensor, TextNetworks};
@@ -28,17 +30,18 @@ fn code(text: &mut TextNetworks, word: &str) -> Vec<f32> {
     const TRIED: usize = 512;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let embedding = text.tower.embed(word).expect("it runs");
-    let (mut best, mut nearest) = (vec![0.0; GENERIC], -1.0_f32);
+    let (mut best, mut nearest) = (vec![0.0; GENERIC_SIZE], -1.0_f32);
     for round in 0..40 {
         let reach = 0.9_f32.powi(round);
-        let mut tried: Vec<f32> = (0..TRIED * GENERIC)
-            .map(|at| best[at % GENERIC] + reach * random.random_range(-1.0_f32..1.0))
+        let mut tried: Vec<f32> = (0..TRIED * GENERIC_SIZE)
+            .map(|at| best[at % GENERIC_SIZE] + reach * random.random_range(-1.0_f32..1.0))
             .collect();
-        normalise_rows(&mut tried, GENERIC);
-        let input = [Tensor::floats(&[TRIED, GENERIC], tried.clone())];
+        normalise_rows(&mut tried, GENERIC_SIZE);
+        let input = [Tensor::floats(&[TRIED, GENERIC_SIZE], tried.clone())];
         let decoded = text.decompressor.run(&input).expect("it runs").swap_remove(0);
         let decoded = decoded.as_floats();
-        for (code, feature) in tried.chunks_exact(GENERIC).zip(decoded.chunks(embedding.len())) {
+        for (code, feature) in tried.chunks_exact(GENERIC_SIZE).zip(decoded.chunks(embedding.len()))
+        {
             let cosine = feature.iter().zip(&embedding).map(|(a, b)| a * b).sum();
             if cosine > nearest {
                 (best, nearest) = (code.to_vec(), cosine);

@@ -9,7 +9,7 @@ use super::config::QueryConfig;
 use super::relevancy::{Comparison, Plane};
 use super::rivals::Rivals;
 use super::scene::Scene;
-use crate::pipeline::compressor::GENERIC;
+use crate::pipeline::compressor::GENERIC_SIZE;
 use crate::pipeline::compressor::generic::GenericDecoder;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{Camera, HostGaussians, LanguageImage};
@@ -118,7 +118,7 @@ pub(super) fn decode(
         }
     }
     let generic = snapshot.online.decode(&codes);
-    let mut features = Vec::with_capacity(generic.len() / GENERIC * size);
+    let mut features = Vec::with_capacity(generic.len() / GENERIC_SIZE * size);
     decoder.decompress(&generic, |batch| features.extend_from_slice(batch))?;
     let (width, height) = (image.width as usize, image.height as usize);
     Ok(ViewFeatures { width, height, pixels, features })

@@ -1,39 +1,40 @@
-//! Super-resolution decoder (paper §4.1, "High-Resolution CLIP Embedding"): coarse features and the
-//! encoder's skips in, one feature per grid cell out. The architecture is the bundle's.
+//! Super-resolution decoder (paper §4.1, "High-Resolution CLIP Embedding").
 //!
-//! Without it, which the paper compares with, the coarse features are stretched.
+//! In: coarse features and skip connections of the image encoder. Out: one feature per grid cell. The
+//! architecture is the bundle's. The decoder can be replaced by bilinear interpolation of the coarse
+//! features, for the paper's ablation.
 
 use super::bilinear;
 use super::network::{Network, NetworkError, Tensor};
 
-/// Makes coarse features dense.
+/// Upsamples coarse features to the grid.
 pub struct SuperResolution {
     network: Network,
-    /// Rows and columns to stretch to instead of running the network.
-    stretched_to: Option<[usize; 2]>,
+    /// Rows and columns for bilinear interpolation; `None`: the network runs.
+    interpolated_to: Option<[usize; 2]>,
 }
 
 impl SuperResolution {
-    /// With the bundle's network; `grid`: its rows and columns. If it is not `used`, coarse features
-    /// are stretched.
+    /// Wraps the bundle's network with its output's rows and columns. If it is not `used`, coarse
+    /// features are interpolated instead.
     pub fn new(network: Network, grid: [usize; 2], used: bool) -> Self {
-        Self { network, stretched_to: (!used).then_some(grid) }
+        Self { network, interpolated_to: (!used).then_some(grid) }
     }
 
-    /// The encoder's outputs, in the manifest's order, to `[1, D, grid height, grid width]`.
+    /// The encoder's outputs, in the manifest's order, to features `[1, D, rows, columns]`.
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
     pub fn upsample(&mut self, coarse_and_skips: &[Tensor]) -> Result<[Tensor; 1], NetworkError> {
-        if let Some(grid) = self.stretched_to {
-            return Ok([stretched(&coarse_and_skips[0], grid)]);
+        if let Some(grid) = self.interpolated_to {
+            return Ok([interpolated(&coarse_and_skips[0], grid)]);
         }
         Ok([self.network.run(coarse_and_skips)?.swap_remove(0)])
     }
 }
 
-/// Features `[1, D, h, w]` at another size: bilinear, centres of cells at their middle, unit length over D.
-fn stretched(coarse: &Tensor, [rows, columns]: [usize; 2]) -> Tensor {
+/// Features `[1, D, h, w]` at another size: bilinear, then scaled to unit length over D.
+fn interpolated(coarse: &Tensor, [rows, columns]: [usize; 2]) -> Tensor {
     let shape = coarse.shape();
     let (size, from) = (shape[1], (shape[2], shape[3]));
     let planes = coarse.as_floats();
@@ -55,12 +56,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn coarse_features_are_stretched_and_of_unit_length() {
-        // Tensors are ONNX Runtime's: its library must be loaded.
+    fn coarse_features_are_interpolated_to_unit_length() {
+        // Tensors belong to ONNX Runtime: its library must be loaded.
         let _runtime = crate::test_support::engine();
         // Two cells: along the first axis, and along the second, of length 3.
         let coarse = Tensor::floats(&[1, 2, 1, 2], vec![1.0, 0.0, 0.0, 3.0]);
-        let dense = stretched(&coarse, [2, 4]);
+        let dense = interpolated(&coarse, [2, 4]);
         assert_eq!(dense.shape(), [1, 2, 2, 4]);
         let planes = dense.as_floats();
         let at =

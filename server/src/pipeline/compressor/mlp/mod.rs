@@ -1,18 +1,20 @@
 //! The paper's online auto-encoder: 32-24-15-24-32 (§4.2, the OLAE).
 //!
-//! The first keyframes train it for some hundred steps; then each keyframe gets one step, and so do
-//! a few earlier ones, drawn at random, against forgetting. A bounded sample of every keyframe is
-//! kept, of at most [`KEPT_KEYFRAMES`] keyframes.
+//! The initial keyframes train it for some hundred steps. Each later keyframe adds one step for
+//! itself and one for each of a few earlier keyframes, drawn at random, against forgetting. Samples
+//! of at most [`KEPT_KEYFRAMES`] keyframes are kept for that.
 //!
-//! Every step moves the code space a little. Codes follow it by the affine map that takes the kept
-//! samples' old codes to their new ones, which is all but the curvature of that move. Decoding and
-//! encoding again would lose what the network loses, anew at every step.
+//! Each step moves the code space a little. Existing codes are converted by the affine map that best
+//! takes the old codes of the kept samples to their new codes. To decode and encode again instead
+//! would add the network's reconstruction error at each step.
 
-mod follow;
+mod affine_map;
 mod net;
 
-use super::{CompressorConfig, GENERIC, OnlineStage};
-use follow::AffineMap;
+use super::config::CompressorConfig;
+use super::online_stage::OnlineStage;
+use crate::pipeline::network::GENERIC_SIZE;
+use affine_map::AffineMap;
 use net::{Adam, Net};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -21,12 +23,11 @@ use std::sync::Arc;
 
 /// Codes kept of a keyframe, spread evenly over it.
 const SAMPLED_CODES: usize = 1024;
-/// Keyframes of which a sample is kept; later ones replace random earlier ones (reservoir
-/// sampling).
+/// Keyframes with a kept sample. Later keyframes replace random earlier ones (reservoir sampling).
 const KEPT_KEYFRAMES: usize = 256;
-/// Kept codes that say how the code space has moved.
-const FOLLOWED_CODES: usize = 4096;
-/// Rows that one core encodes or decodes at a time.
+/// Kept codes to which the affine map is fitted.
+const FITTED_CODES: usize = 4096;
+/// Rows encoded or decoded by one core at a time.
 const BATCH: usize = 2048;
 
 /// The online auto-encoder and its optimiser.
@@ -37,7 +38,7 @@ pub struct Mlp {
     random: ChaCha8Rng,
     version: u64,
     keyframes: usize,
-    /// `[n, 32]` of some of the keyframes so far.
+    /// Samples `[n, 32]` of keyframes.
     kept: Vec<Arc<[f64]>>,
     initial_steps: usize,
     initial_keyframes: usize,
@@ -45,7 +46,7 @@ pub struct Mlp {
 }
 
 impl Mlp {
-    /// Before any keyframe, random weights.
+    /// The state before any keyframe, with random weights.
     pub fn new(config: &CompressorConfig) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(config.seed);
         let net = Net::new(config.code_size, &mut random);
@@ -74,15 +75,15 @@ impl Mlp {
         self.step(&sample);
     }
 
-    /// At most [`FOLLOWED_CODES`] rows `[n, 32]`, evenly from all that is kept.
+    /// At most [`FITTED_CODES`] of the kept rows `[n, 32]`, evenly spread.
     fn samples(&self) -> Vec<f32> {
-        let rows: usize = self.kept.iter().map(|sample| sample.len() / GENERIC).sum();
-        let stride = rows.div_ceil(FOLLOWED_CODES).max(1);
-        let kept = self.kept.iter().flat_map(|sample| sample.chunks_exact(GENERIC));
+        let rows: usize = self.kept.iter().map(|sample| sample.len() / GENERIC_SIZE).sum();
+        let stride = rows.div_ceil(FITTED_CODES).max(1);
+        let kept = self.kept.iter().flat_map(|sample| sample.chunks_exact(GENERIC_SIZE));
         kept.step_by(stride).flatten().map(|&value| value as f32).collect()
     }
 
-    /// Every keyframe so far stays with the same probability.
+    /// Keeps a sample; each keyframe so far stays with equal probability.
     fn keep(&mut self, sample: Arc<[f64]>) {
         if self.kept.len() < KEPT_KEYFRAMES {
             self.kept.push(sample);
@@ -124,7 +125,7 @@ impl OnlineStage for Mlp {
     }
 
     fn encode(&self, generic: &[f32]) -> Vec<f32> {
-        in_batches(generic, GENERIC, |batch| self.net.encode(batch))
+        in_batches(generic, GENERIC_SIZE, |batch| self.net.encode(batch))
     }
 
     fn decode(&self, codes: &[f32]) -> Vec<f32> {
@@ -154,10 +155,10 @@ fn in_batches(rows: &[f32], channels: usize, run: impl Fn(&[f64]) -> Vec<f64> + 
         .collect()
 }
 
-/// At most [`SAMPLED_CODES`] rows that have a direction, evenly spread.
+/// At most [`SAMPLED_CODES`] finite, non-zero rows, evenly spread.
 fn sampled(generic: &[f32]) -> Arc<[f64]> {
     let rows: Vec<&[f32]> = generic
-        .chunks_exact(GENERIC)
+        .chunks_exact(GENERIC_SIZE)
         .filter(|row| row.iter().all(|value| value.is_finite()) && row.iter().any(|&v| v != 0.0))
         .collect();
     let count = rows.len().min(SAMPLED_CODES);

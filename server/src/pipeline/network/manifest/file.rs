@@ -1,40 +1,42 @@
-//! `manifest.toml` as it is written, and the checks that make a [`Manifest`] of it.
+//! The keys of `manifest.toml`, and the checks that turn them into a [`Manifest`].
 //!
-//! An image becomes codes in one graph (`[vision]`) or in three (`[encoder]`, `[srd]` and
-//! `compressor.encoder`): exactly one of the two is there.
+//! The graphs from an image to codes are either one (`[vision]`) or three (`[encoder]`, `[srd]` and
+//! `compressor.encoder`). A manifest must have exactly one of these two forms.
 
-use super::super::super::compressor::GENERIC;
-use super::{GraphSpec, ImageSpec, Manifest, ManifestError, RelevancySpec, TextSpec, VisionSpec};
+use super::error::ManifestError;
+use super::spec::{
+    GENERIC_SIZE, GraphSpec, ImageSpec, Manifest, RelevancySpec, TextSpec, VisionSpec,
+};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// Names of token inputs that a text tower may have.
 const TOKEN_INPUTS: [&str; 3] = ["input_ids", "attention_mask", "token_type_ids"];
-/// What says how an image becomes codes.
+/// The two permitted forms, for error messages.
 const VISION: &str = "[vision], or [encoder], [srd] and compressor.encoder";
 
-/// The file as it is written.
+/// The whole file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Written {
+pub(super) struct ManifestFile {
     name: String,
     version: String,
     licence: String,
     feature_size: usize,
     code_size: usize,
     image: ImageSpec,
-    vision: Option<WrittenVision>,
-    encoder: Option<WrittenEncoder>,
-    srd: Option<WrittenSrd>,
-    compressor: WrittenCompressor,
-    text: WrittenText,
+    vision: Option<VisionSection>,
+    encoder: Option<EncoderSection>,
+    srd: Option<SrdSection>,
+    compressor: CompressorSection,
+    text: TextSection,
     relevancy: RelevancySpec,
     sha256: BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenVision {
+struct VisionSection {
     file: String,
     input: String,
     output: String,
@@ -43,7 +45,7 @@ struct WrittenVision {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenEncoder {
+struct EncoderSection {
     file: String,
     input: String,
     outputs: Vec<String>,
@@ -51,7 +53,7 @@ struct WrittenEncoder {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenSrd {
+struct SrdSection {
     file: String,
     inputs: Vec<String>,
     output: String,
@@ -60,14 +62,14 @@ struct WrittenSrd {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenCompressor {
-    encoder: Option<WrittenGraph>,
-    decoder: WrittenGraph,
+struct CompressorSection {
+    encoder: Option<GraphSection>,
+    decoder: GraphSection,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenGraph {
+struct GraphSection {
     file: String,
     input: String,
     output: String,
@@ -75,7 +77,7 @@ struct WrittenGraph {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenText {
+struct TextSection {
     file: String,
     tokenizer: String,
     inputs: Vec<String>,
@@ -83,19 +85,19 @@ struct WrittenText {
     max_tokens: usize,
 }
 
-impl From<WrittenGraph> for GraphSpec {
-    fn from(written: WrittenGraph) -> Self {
-        let WrittenGraph { file, input, output } = written;
+impl From<GraphSection> for GraphSpec {
+    fn from(section: GraphSection) -> Self {
+        let GraphSection { file, input, output } = section;
         Self { file, inputs: vec![input], outputs: vec![output] }
     }
 }
 
-impl Written {
-    /// The manifest, if its values make sense together.
+impl ManifestFile {
+    /// The manifest, if its values are permitted and consistent.
     pub(super) fn checked(self) -> Result<Manifest, ManifestError> {
         self.check_values()?;
         let (vision, grid) = vision(self.vision, self.encoder, self.srd, self.compressor.encoder)?;
-        let WrittenText { file, tokenizer, inputs, output, max_tokens } = self.text;
+        let TextSection { file, tokenizer, inputs, output, max_tokens } = self.text;
         let graph = GraphSpec { file, inputs, outputs: vec![output] };
         Ok(Manifest {
             name: self.name,
@@ -116,7 +118,7 @@ impl Written {
         let image = &self.image;
         let relevancy = &self.relevancy;
         let fraction = |value: f32| (0.0..=1.0).contains(&value);
-        require(self.code_size == GENERIC, "code_size", "32", self.code_size)?;
+        require(self.code_size == GENERIC_SIZE, "code_size", "32", self.code_size)?;
         require(self.feature_size > 0, "feature_size", "more than 0", self.feature_size)?;
         require(image.width > 0, "image.width", "more than 0", image.width)?;
         require(image.height > 0, "image.height", "more than 0", image.height)?;
@@ -130,7 +132,7 @@ impl Written {
         }
         let has_tokens = self.text.inputs.iter().any(|input| input == TOKEN_INPUTS[0]);
         require(has_tokens, "text.inputs", TOKEN_INPUTS[0], "none")?;
-        // Two of a text's tokens are its ends.
+        // Each text has a start token and an end token.
         require(self.text.max_tokens > 2, "text.max_tokens", "more than 2", self.text.max_tokens)?;
         let temperature = relevancy.temperature;
         require(
@@ -155,24 +157,24 @@ impl Written {
     }
 }
 
-/// How an image becomes codes, and the rows and columns of these.
+/// The graphs from an image to codes, and rows and columns of the codes.
 fn vision(
-    folded: Option<WrittenVision>,
-    encoder: Option<WrittenEncoder>,
-    srd: Option<WrittenSrd>,
-    compressor: Option<WrittenGraph>,
+    end_to_end: Option<VisionSection>,
+    encoder: Option<EncoderSection>,
+    srd: Option<SrdSection>,
+    compressor: Option<GraphSection>,
 ) -> Result<(VisionSpec, [usize; 2]), ManifestError> {
     let wrong = |key, found: &str| ManifestError::Value {
         key,
         expected: VISION.into(),
         found: found.into(),
     };
-    let (spec, grid, key) = match (folded, encoder, srd, compressor) {
-        (Some(folded), None, None, compressor) => {
-            let WrittenVision { file, input, output, grid } = folded;
+    let (spec, grid, key) = match (end_to_end, encoder, srd, compressor) {
+        (Some(section), None, None, compressor) => {
+            let VisionSection { file, input, output, grid } = section;
             let graph = GraphSpec { file, inputs: vec![input], outputs: vec![output] };
             let compressor = compressor.map(GraphSpec::from);
-            (VisionSpec::Folded { graph, compressor }, grid, "vision.grid")
+            (VisionSpec::EndToEnd { graph, compressor }, grid, "vision.grid")
         }
         (None, Some(encoder), Some(srd), Some(compressor)) => {
             let (fed, wanted) = (encoder.outputs.len(), srd.inputs.len());
@@ -182,11 +184,11 @@ fn vision(
                 format!("as many as encoder.outputs: {fed}, at least 1"),
                 wanted,
             )?;
-            let WrittenEncoder { file, input, outputs } = encoder;
+            let EncoderSection { file, input, outputs } = encoder;
             let encoder = GraphSpec { file, inputs: vec![input], outputs };
-            let WrittenSrd { file, inputs, output, grid } = srd;
+            let SrdSection { file, inputs, output, grid } = srd;
             let srd = GraphSpec { file, inputs, outputs: vec![output] };
-            let stages = VisionSpec::Stages { encoder, srd, compressor: compressor.into() };
+            let stages = VisionSpec::Staged { encoder, srd, compressor: compressor.into() };
             (stages, grid, "srd.grid")
         }
         (Some(_), ..) => return Err(wrong("vision", "both")),
