@@ -306,7 +306,8 @@ mod tests {
 
     #[test]
     fn every_section_is_checked() {
-        let refused: [(&str, fn(&mut Config)); 5] = [
+        type Change = fn(&mut Config);
+        let refused: [(&str, Change); 5] = [
             ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
             ("http.event_backlog", |c| c.http.event_backlog = 0),
             ("language.queue", |c| c.language.queue = 0),
