@@ -62,7 +62,7 @@ pub const CRATES: &[Declared] = &[
         root: "lib.rs",
         levels: &[
             &["telemetry"],
-            &["pipeline/backdrop", "pipeline/bilinear", "pipeline/frame"],
+            &["pipeline/backdrop", "pipeline/bilinear", "pipeline/frame", "pipeline/range"],
             &["pipeline/working"],
             &["pipeline/network"],
             &["pipeline/compressor"],
