@@ -32,12 +32,12 @@ lint: ## Format, lints, documentation, licences, spelling
 	  else echo 'SKIPPED: licences, bans and sources are not checked, because cargo-deny is not installed (cargo install cargo-deny)'; fi
 	.deps/lint/bin/typos
 	.deps/lint/bin/ruff check --no-cache
-	.deps/lint/bin/ruff format --no-cache --check client tests
+	.deps/lint/bin/ruff format --no-cache --check client tests training
 
 format: ## Format the Rust and Python sources
 	@deploy/setup.sh --lint
 	cargo fmt --all
-	.deps/lint/bin/ruff format --no-cache client tests
+	.deps/lint/bin/ruff format --no-cache client tests training
 
 lengths: ## Print median and longest files and functions, and circles among imports
 	@cargo run --quiet -p lexsplat-borders -- lengths $(SOURCES)

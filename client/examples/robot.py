@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Streams RGB-D frames from a folder to a lexsplat server, as a robot would.
 
-Needs `pip install grpcio grpcio-reflection` and nothing of lexsplat: the message types come from the
-server's own reflection. Replace `read_frames` and `Camera` by your robot's camera and poses.
+Needs `pip install grpcio grpcio-reflection` and nothing of lexsplat: the message types come from
+the server's own reflection. Replace `read_frames` and `Camera` by your robot's camera and poses.
 
-The folder has Replica's layout: `cam_params.json`, `traj.txt` with a 4x4 pose (camera to world, row by row)
-in each line, `results/frameNNNNNN.jpg` and `results/depthNNNNNN.png`. `lexsplat synth --seed 7 FOLDER` makes one.
+The folder has Replica's layout: `cam_params.json`, `traj.txt` with a 4x4 pose (camera to world, row
+by row) in each line, `results/frameNNNNNN.jpg` and `results/depthNNNNNN.png`.
+`lexsplat synth --seed 7 FOLDER` makes one.
 """
 
 import argparse
@@ -16,7 +17,9 @@ from pathlib import Path
 
 import grpc
 from google.protobuf import descriptor_pool, message_factory
-from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoReflectionDescriptorDatabase
+from grpc_reflection.v1alpha.proto_reflection_descriptor_database import (
+    ProtoReflectionDescriptorDatabase,
+)
 
 # Values of the enumerations in proto/lexsplat/v1/lexsplat.proto.
 POSE_SOURCE_GIVEN = 1
@@ -43,7 +46,7 @@ class Camera:
 
 @dataclass
 class RgbdFrame:
-    """Encoded images of one frame and where its camera was (camera to world, in the map's frame)."""
+    """Encoded images of one frame, and its camera's pose (camera to world, in the map's frame)."""
 
     color_jpeg: bytes
     depth_png16: bytes
@@ -60,12 +63,20 @@ class Client:
         pool = descriptor_pool.DescriptorPool(ProtoReflectionDescriptorDatabase(self.channel))
 
         def message(name: str):
-            return message_factory.GetMessageClass(pool.FindMessageTypeByName("lexsplat.v1." + name))
+            return message_factory.GetMessageClass(
+                pool.FindMessageTypeByName("lexsplat.v1." + name)
+            )
 
         self.FrameMessage, self.FrameAck = message("FrameMessage"), message("FrameAck")
 
-    def stream(self, map_name: str, camera: Camera, frames: Iterator[RgbdFrame], label_texts: list[str] = ()):
-        """Sends frames into a map; yields one acknowledgement for the opening and one for each frame."""
+    def stream(
+        self,
+        map_name: str,
+        camera: Camera,
+        frames: Iterator[RgbdFrame],
+        label_texts: list[str] = (),
+    ):
+        """Sends frames into a map; yields an acknowledgement for the opening and for each frame."""
         call = self.channel.stream_stream(
             "/lexsplat.v1.Mapping/StreamFrames",
             request_serializer=self.FrameMessage.SerializeToString,
@@ -89,9 +100,14 @@ class Client:
             message.frame.color_format, message.frame.color = COLOR_FORMAT_JPEG, frame.color_jpeg
             message.frame.depth_format, message.frame.depth = DEPTH_FORMAT_PNG16, frame.depth_png16
             if frame.labels_png is not None:
-                message.frame.label_format, message.frame.labels = LABEL_FORMAT_PNG, frame.labels_png
+                message.frame.label_format, message.frame.labels = (
+                    LABEL_FORMAT_PNG,
+                    frame.labels_png,
+                )
             pose = message.frame.world_from_camera
-            pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z = frame.quaternion_wxyz
+            pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z = (
+                frame.quaternion_wxyz
+            )
             position = pose.translation_metres
             position.x, position.y, position.z = frame.position_metres
             yield message
@@ -101,7 +117,12 @@ def quaternion_wxyz(r: list[list[float]]) -> tuple[float, float, float, float]:
     """The quaternion of a rotation matrix given as three rows."""
     w = max(0.0, 1 + r[0][0] + r[1][1] + r[2][2]) ** 0.5 / 2
     if w > 1e-6:
-        return w, (r[2][1] - r[1][2]) / 4 / w, (r[0][2] - r[2][0]) / 4 / w, (r[1][0] - r[0][1]) / 4 / w
+        return (
+            w,
+            (r[2][1] - r[1][2]) / 4 / w,
+            (r[0][2] - r[2][0]) / 4 / w,
+            (r[1][0] - r[0][1]) / 4 / w,
+        )
     x = max(0.0, 1 + r[0][0] - r[1][1] - r[2][2]) ** 0.5 / 2
     y = max(0.0, 1 - r[0][0] + r[1][1] - r[2][2]) ** 0.5 / 2
     z = max(0.0, 1 - r[0][0] - r[1][1] + r[2][2]) ** 0.5 / 2
@@ -117,7 +138,9 @@ def read_camera(folder: Path) -> Camera:
 
 def read_label_texts(folder: Path) -> list[str]:
     """The class of each instance of a folder in Replica's layout, by instance id from 1."""
-    things = {thing["id"]: thing["class"] for thing in json.loads((folder / "instances.json").read_text())}
+    things = {
+        thing["id"]: thing["class"] for thing in json.loads((folder / "instances.json").read_text())
+    }
     return [things.get(instance, "") for instance in range(1, max(things) + 1)]
 
 
@@ -137,12 +160,20 @@ def read_frames(folder: Path, count: int | None, with_labels: bool) -> Iterator[
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path, help="a folder in Replica's layout")
-    parser.add_argument("--server", default="127.0.0.1:50051", help="address of the gRPC server (default: %(default)s)")
+    parser.add_argument(
+        "--server",
+        default="127.0.0.1:50051",
+        help="address of the gRPC server (default: %(default)s)",
+    )
     parser.add_argument("--map", default="kitchen", help="name of the map (default: %(default)s)")
     parser.add_argument("--frames", type=int, help="number of frames to send (default: all)")
-    parser.add_argument("--labels", action="store_true", help="send the folder's masks: language from given labels")
+    parser.add_argument(
+        "--labels", action="store_true", help="send the folder's masks: language from given labels"
+    )
     arguments = parser.parse_args()
 
     client = Client(arguments.server)

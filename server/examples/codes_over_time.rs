@@ -4,7 +4,7 @@
 //! first_carried, first_frozen, all_carried, all_frozen, milliseconds): cosines between 32-D codes
 //! and what their 15-D codes decode to, for the first keyframe's and for all so far, when codes are
 //! carried over as the server does, and when they are written once. Milliseconds: learning from that
-//! keyframe. `training/plot_codes.py` draws it. Medians on standard output: from an image to codes, and learning.
+//! keyframe. `plot-codes` of `training/` draws it. Medians on standard output: from an image to codes, and learning.
 //!
 //! ```sh
 //! cargo run --release -p lexsplat-server --example codes_over_time -- --scene kitchen --csv codes.csv kitchen/*.jpg

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Asks a lexsplat server which of several things is what, with nothing but the standard library and NumPy.
+"""Asks a running server for several words, with the standard library and NumPy only.
 
     ask.py 127.0.0.1:8080 MAP FRAME chair table floor
 
-Prints each word's share of the frame's view and of the map, and where the nearest thing of the first word is.
+Prints each word's share of a frame's view and of the map, and the object nearest to the origin for
+the first word. Fails where the answers contradict each other.
 """
 
 import io
@@ -13,32 +14,53 @@ import urllib.request
 
 import numpy as np
 
-address, name, frame, *texts = sys.argv[1:]
-# Servers on the local network need no proxy.
-opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+# Requests to the local network must not go through a proxy.
+OPENER = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 
 
-def get(path, body=None, accept="application/json"):
-    headers = {"Content-Type": "application/json", "Accept": accept}
-    data = None if body is None else json.dumps(body).encode()
-    return opener.open(urllib.request.Request(f"http://{address}{path}", data, headers)).read()
+class Map:
+    """A map of a server."""
+
+    def __init__(self, address, name):
+        self.address, self.name = address, name
+
+    def get(self, path, body=None, accept="application/json"):
+        """The bytes of an answer; with a body the request is a POST."""
+        headers = {"Content-Type": "application/json", "Accept": accept}
+        data = None if body is None else json.dumps(body).encode()
+        request = urllib.request.Request(f"http://{self.address}{path}", data, headers)
+        return OPENER.open(request).read()
+
+    def array(self, path):
+        """An answer in NumPy's format."""
+        return np.load(io.BytesIO(self.get(path, accept="application/x-npy")))
+
+    def query(self, **body):
+        """The answer to a query."""
+        return json.loads(self.get(f"/v1/maps/{self.name}/query", body))
 
 
-def ask(**body):
-    return json.loads(get(f"/v1/maps/{name}/query", body))
+def main():
+    address, name, frame, *texts = sys.argv[1:]
+    asked = Map(address, name)
+    view = asked.query(texts=texts, view={"frame": int(frame)})
+    labels = asked.array(view["labels"]["url"])
+    assert labels.shape == (view["labels"]["height"], view["labels"]["width"])
+    assert labels.dtype == np.uint8
+    points = asked.array(asked.query(texts=texts)["points"]["url"])
+    for entry in view["legend"]:
+        in_view = (labels == entry["label"]).mean()
+        in_map = (points[:, 3] == entry["label"]).mean()
+        difference = abs(in_view - entry["share"])
+        assert difference < 1e-4, f"{in_view} of the pixels, {entry['share']} in the legend"
+        print(f"{entry['text']}: {in_view:.1%} of the view, {in_map:.1%} of the map")
+    nearest = asked.query(text=texts[0], near=[0, 0, 0], threshold=0)["objects"]
+    distances = [item["distance"] for item in nearest]
+    assert distances == sorted(distances), distances
+    if nearest:
+        centre = nearest[0]["center"]
+        print(f"nearest {texts[0]}: {distances[0]:.2f} m from the origin, centre {centre}")
 
 
-view = ask(texts=texts, view={"frame": int(frame)})
-labels = np.load(io.BytesIO(get(view["labels"]["url"], accept="application/x-npy")))
-assert labels.shape == (view["labels"]["height"], view["labels"]["width"]) and labels.dtype == np.uint8
-space = ask(texts=texts)
-points = np.load(io.BytesIO(get(space["points"]["url"], accept="application/x-npy")))
-for entry in view["legend"]:
-    here, all_of_it = (labels == entry["label"]).mean(), (points[:, 3] == entry["label"]).mean()
-    assert abs(here - entry["share"]) < 1e-4, f"{here} of the pixels, {entry['share']} in the legend"
-    print(f"{entry['text']}: {here:.1%} of the view, {all_of_it:.1%} of the map")
-nearest = ask(text=texts[0], near=[0, 0, 0], threshold=0)["objects"]
-distances = [thing["distance"] for thing in nearest]
-assert distances == sorted(distances), distances
-if nearest:
-    print(f"nearest {texts[0]}: {distances[0]:.2f} m from the origin, centre {nearest[0]['center']}")
+if __name__ == "__main__":
+    main()

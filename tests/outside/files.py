@@ -3,8 +3,8 @@
     PYTHONPATH=.deps/readers:.deps/gsply python3 tests/outside/files.py FOLDER
 
 The folder has splats.ply, splats.spz, splats.glb, language.npz, points.ply and mesh.ply of one map.
-plyfile reads the PLY files, gsply's C++ reader the SPZ, trimesh glTF and meshes, NumPy the rest.
-Prints what it found; fails where two files disagree, or where a spoilt one is read without complaint.
+plyfile reads PLY, gsply's C++ reader SPZ, trimesh glTF and meshes, NumPy the rest. Fails where two
+files disagree, or where a damaged file is read without an error.
 """
 
 import json
@@ -44,37 +44,52 @@ def read_splats(path):
 
 
 def check_spz(path, splats):
-    """SPZ is right, up, back and lossy: tolerances are half a step of each attribute's quantisation."""
+    """SPZ against PLY; returns the largest difference of each attribute.
+
+    SPZ's axes are right, up, back. It is lossy: tolerances are half a step of its quantisation.
+    """
     read = gsply_cpp.read_spz(str(path))
     flip = np.array([1.0, -1.0, -1.0])
+
+    opacity = 1 / (1 + np.exp(-read["opacities"].ravel()))
+    log_scale = np.clip(splats["log_scale"], -10, 5.9375)
+    color = np.clip(splats["sh0"], -10 / 3, 10 / 3)
 
     def differences(order):
         return {
             "metres": np.abs(read["means"] * flip - splats["means"][order]).max(),
-            "log scale": np.abs(read["scales"] - np.clip(splats["log_scale"][order], -10, 5.9375)).max(),
-            "opacity": np.abs(1 / (1 + np.exp(-read["opacities"].ravel())) - splats["opacity"][order]).max(),
-            "color": np.abs(read["sh0"] - np.clip(splats["sh0"][order], -10 / 3, 10 / 3)).max() * SH_0,
+            "log scale": np.abs(read["scales"] - log_scale[order]).max(),
+            "opacity": np.abs(opacity - splats["opacity"][order]).max(),
+            "color": np.abs(read["sh0"] - color[order]).max() * SH_0,
         }
 
-    limits = {"metres": 0.6 / 4096, "log scale": 0.51 / 16, "opacity": 0.51 / 255, "color": 0.51 / 255 / 0.15 * SH_0}
+    limits = {
+        "metres": 0.6 / 4096,
+        "log scale": 0.51 / 16,
+        "opacity": 0.51 / 255,
+        "color": 0.51 / 255 / 0.15 * SH_0,
+    }
     count = len(splats["means"])
     found = differences(np.arange(count))
-    assert all(found[key] <= limits[key] for key in limits), f"SPZ against PLY: {found}, at most {limits}"
+    message = f"SPZ against PLY: {found}, at most {limits}"
+    assert all(found[key] <= limits[key] for key in limits), message
     turned = read["quats"] * np.array([1.0, 1.0, -1.0, -1.0])
     assert same_rotations(turned, splats["rotation"], 0.99999), "SPZ: rotations"
-    # Negative controls: in another order they differ, and half a file is refused.
+    # Negative controls: splats in another order differ, and half a file is refused.
     wrong = differences(np.roll(np.arange(count), 1))
-    assert all(wrong[key] > limits[key] for key in limits), f"the comparison sees nothing: {wrong}"
+    message = f"this comparison finds no difference: {wrong}"
+    assert all(wrong[key] > limits[key] for key in limits), message
     half = path.with_suffix(".half.spz")
     half.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     try:
         gsply_cpp.read_spz(str(half))
     except Exception:
         return found
-    raise AssertionError("half an SPZ was read without complaint")
+    raise AssertionError("half an SPZ file was read without an error")
 
 
 def check_glb(path, splats):
+    """glTF against PLY."""
     scene = trimesh.load(str(path))
     (name,) = scene.geometry
     (node,) = scene.graph.nodes_geometry
@@ -86,35 +101,44 @@ def check_glb(path, splats):
     document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
     assert "KHR_gaussian_splatting" in document["extensionsUsed"]
     primitive = document["meshes"][0]["primitives"][0]
-    assert primitive["mode"] == 0 and primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == "ellipse"
+    assert primitive["mode"] == 0
+    assert primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == "ellipse"
 
     def attribute(name, parts):
         accessor = document["accessors"][primitive["attributes"]["KHR_gaussian_splatting:" + name]]
         view = document["bufferViews"][accessor["bufferView"]]
-        assert accessor["componentType"] == 5126 and accessor["type"] == {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[parts]
-        return np.frombuffer(binary, "<f4", accessor["count"] * parts, view["byteOffset"]).reshape(-1, parts)
+        assert accessor["componentType"] == 5126
+        assert accessor["type"] == {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[parts]
+        values = np.frombuffer(binary, "<f4", accessor["count"] * parts, view["byteOffset"])
+        return values.reshape(-1, parts)
 
-    assert np.allclose(np.log(attribute("SCALE", 3)), splats["log_scale"], atol=1e-5), "glTF: scales are linear"
-    assert np.allclose(attribute("OPACITY", 1)[:, 0], splats["opacity"], atol=1e-6), "glTF: opacities"
-    assert np.allclose(attribute("SH_DEGREE_0_COEF_0", 3), splats["sh0"], atol=1e-6), "glTF: colors"
+    log_scale, opacity = np.log(attribute("SCALE", 3)), attribute("OPACITY", 1)[:, 0]
+    assert np.allclose(log_scale, splats["log_scale"], atol=1e-5), "glTF: scales are linear"
+    assert np.allclose(opacity, splats["opacity"], atol=1e-6), "glTF: opacities"
+    color = attribute("SH_DEGREE_0_COEF_0", 3)
+    assert np.allclose(color, splats["sh0"], atol=1e-6), "glTF: colors"
     rotation = np.roll(attribute("ROTATION", 4), 1, axis=-1)
     assert same_rotations(rotation, splats["rotation"], 0.999999), "glTF: rotations are x, y, z, w"
-    assert not same_rotations(np.roll(rotation, 1, axis=0), splats["rotation"], 0.999999), "sees nothing"
+    # Negative control: rotations of other splats.
+    others = np.roll(rotation, 1, axis=0)
+    assert not same_rotations(others, splats["rotation"], 0.999999), "no difference is found"
 
 
 def check_language(path, splats):
+    """Checks shapes and lengths; returns the share of splats that have language."""
     arrays = np.load(path)
     count = len(splats["means"])
     assert arrays["codes"].shape == (count, 15) and arrays["generic"].shape == (count, 32)
-    spoken = np.any(arrays["codes"] != 0, axis=1)
+    described = np.any(arrays["codes"] != 0, axis=1)
     lengths = np.linalg.norm(arrays["generic"], axis=1)
-    assert np.allclose(lengths[spoken], 1, atol=1e-3) and not lengths[~spoken].any()
+    assert np.allclose(lengths[described], 1, atol=1e-3) and not lengths[~described].any()
     assert ((arrays["opacity"] >= 0) & (arrays["opacity"] <= 1)).all()
     assert arrays["rotation"].shape == (count, 4) and arrays["log_scale"].shape == (count, 3)
-    return float(spoken.mean())
+    return float(described.mean())
 
 
 def check_mesh(path, splats):
+    """Checks a mesh against the splats' extent; returns (triangles, area in m2)."""
     mesh = trimesh.load(str(path), process=False)
     vertices = PlyData.read(str(path))["vertex"].data
     assert len(mesh.faces) > 100 and mesh.faces.max() < len(mesh.vertices), "mesh: faces"
@@ -122,7 +146,7 @@ def check_mesh(path, splats):
     assert (mesh.vertices >= low).all() and (mesh.vertices <= high).all(), "the mesh leaves the map"
     relevancy = np.asarray(vertices["relevancy"])
     assert (relevancy >= 0).all() and (relevancy <= 1).all() and relevancy.std() > 0
-    # Normals are what the triangles' order says.
+    # Normals agree with the order of the triangles' vertices.
     given = columns(vertices, "nx", "ny", "nz")
     agree = (given * mesh.vertex_normals).sum(-1)
     assert np.median(agree) > 0.95, f"normals: {np.median(agree)}"
@@ -138,9 +162,11 @@ def main():
     assert np.array_equal(columns(points, "x", "y", "z"), splats["means"])
     shown = np.clip(splats["sh0"] * SH_0 + 0.5, 0, 1) * 255
     assert np.abs(columns(points, "red", "green", "blue") - shown).max() < 0.51
-    spoken = check_language(folder / "language.npz", splats)
+    described = check_language(folder / "language.npz", splats)
     faces, area = check_mesh(folder / "mesh.ply", splats)
-    print(f"{len(splats['means'])} splats agree in PLY, SPZ and glTF; {spoken:.0%} have language")
+    print(
+        f"{len(splats['means'])} splats agree in PLY, SPZ and glTF; {described:.0%} have language"
+    )
     print("SPZ loses at most", ", ".join(f"{value:.2g} {key}" for key, value in worst.items()))
     print(f"mesh: {faces} triangles, {area:.1f} m2")
 

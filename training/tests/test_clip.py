@@ -1,21 +1,24 @@
-"""Plain CLIP transformers as dense encoders, and the compressor that is fitted to them."""
+"""CLIP transformers exported with dense features, and the compressor that is fitted to them."""
 
 import json
 
 import numpy as np
 import pytest
-import small
 import torch
-from conftest import least_cosine
 from PIL import Image
 
-import bundle_writer
-import clip_towers
-import export_clip
-import weights
+import small
+from cosine import least_cosine
+from lexsplat_training.export import bundle_writer
+from lexsplat_training.export import clip as export_clip
+from lexsplat_training.networks import clip_towers, weights
+from lexsplat_training.networks.linear_compressor import leading_directions
 
-WORDS = [f"{adjective} {noun}" for adjective in ("red", "small", "old", "wooden", "wet")
-         for noun in ("cup", "sofa", "door", "lamp", "book", "plant", "shoe", "window", "rug")]
+WORDS = [
+    f"{adjective} {noun}"
+    for adjective in ("red", "small", "old", "wooden", "wet")
+    for noun in ("cup", "sofa", "door", "lamp", "book", "plant", "shoe", "window", "rug")
+]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -41,12 +44,23 @@ def data(tmp_path_factory):
 
 
 def export(data, out, *more):
-    export_clip.main(["--model", "any", "--weights", str(data / "clip.pt"), "--size", "96", "128",
-                      "--out", str(out), *more])
+    export_clip.main(
+        [
+            "--model",
+            "any",
+            "--weights",
+            str(data / "clip.pt"),
+            "--size",
+            "96",
+            "128",
+            "--out",
+            str(out),
+            *more,
+        ]
+    )
 
 
-def test_alone_in_the_picture_a_patch_is_the_tower_s_answer():
-    """With one patch and no class token's influence, own values are what attention to it gives."""
+def test_attention_of_a_single_token_equals_its_own_value():
     clip = small.build(vision=small.VIT)
     block = clip.visual.transformer.resblocks[-1]
     x = torch.randn(1, 1, 64, generator=torch.Generator().manual_seed(3))
@@ -54,15 +68,15 @@ def test_alone_in_the_picture_a_patch_is_the_tower_s_answer():
         wanted = block.attn(x, x, x, need_weights=False)[0]
         assert (clip_towers.own_values(block, x) - wanted).abs().max() < 1e-5
         assert (clip_towers.attended(block, x, None) - wanted).abs().max() < 1e-5
-        # Negative control: with a second token, attention is another thing than own values.
+        # Negative control: with a second token, attention differs from own values.
         pair = torch.cat([x, -x], 1)
         mixed = block.attn(pair, pair, pair, need_weights=False)[0]
         assert (clip_towers.attended(block, pair, None) - mixed).abs().max() < 1e-5
         assert (clip_towers.own_values(block, pair) - mixed).abs().max() > 1e-2
 
 
-def test_attention_written_out_is_the_tower_s_own():
-    """All blocks but the last are as they were: with the last one whole, the class token is CLIP's."""
+def test_written_out_attention_equals_open_clips():
+    """With plain attention in the last block too, the class token is CLIP's embedding."""
     clip = small.build(vision=small.VIT)
     picture = torch.randn(1, 3, 64, 64, generator=torch.Generator().manual_seed(4))
     dense = clip_towers.VitDense(clip.visual, 64, 64)
@@ -78,8 +92,8 @@ def test_attention_written_out_is_the_tower_s_own():
         assert (ours - clip.visual._embeds(picture)).abs().max() < 1e-5
 
 
-@pytest.mark.parametrize("more, least", [((), 0.9999), (("--precision", "fp16"), 0.999)])
-def test_a_fitted_bundle_agrees_with_torch(data, tmp_path, more, least):
+@pytest.mark.parametrize(("more", "least"), [((), 0.9999), (("--precision", "fp16"), 0.999)])
+def test_fitted_bundle_agrees_with_torch(data, tmp_path, more, least):
     words = data / ("words.json" if more else "words.txt")
     export(data, tmp_path, "--words", str(words), "--photos", str(data), *more)
     clip = small.build(vision=small.VIT)
@@ -90,48 +104,57 @@ def test_a_fitted_bundle_agrees_with_torch(data, tmp_path, more, least):
     assert codes.shape == (1, 32, 6, 8)
     rows = codes[0].reshape(32, -1).T
     back = bundle_writer.run(tmp_path, "decompress", np.ascontiguousarray(rows))
-    # Codes decode to the features' part along 32 fitted directions of 128: encoding that part again
-    # gives the same codes.
+    # Codes are the features' coordinates along 32 fitted directions of 128.
     decoder = bundle_writer.run(tmp_path, "decompress", np.eye(32, dtype=np.float32))
     wanted = features[0].flatten(1).T.numpy() @ decoder.T
     assert least_cosine(rows, wanted) > least
     assert least_cosine(back, rows @ decoder) > least
     assert np.abs(decoder @ decoder.T - np.eye(32)).max() < 5e-3
-    # Negative control: another picture's.
+    # Negative control: codes of another picture.
     other = bundle_writer.run(tmp_path, "vision", -picture.numpy())
     assert least_cosine(other[0].reshape(32, -1).T, wanted) < 0.98
 
 
-def test_the_fit_keeps_more_than_any_directions_do():
+def test_fitted_directions_keep_more_than_random_ones():
     random = torch.Generator().manual_seed(6)
     spectrum = 0.85 ** torch.arange(64)
     rows = torch.nn.functional.normalize(torch.randn(500, 64, generator=random) * spectrum + 0.2)
-    kept = lambda directions: (rows @ directions.T).square().sum(1).mean().item()
-    fitted = export_clip.leading_directions([rows])
+
+    def kept(directions):
+        return (rows @ directions.T).square().sum(1).mean().item()
+
+    fitted = leading_directions([rows])
     arbitrary = torch.linalg.qr(torch.randn(64, 32, generator=random)).Q.T
-    assert kept(fitted) > 0.98 > 0.8 > kept(arbitrary)
+    assert kept(fitted) > 0.98
+    assert kept(arbitrary) < 0.8
 
 
-def test_bad_input_is_named(data, tmp_path):
+def test_errors_name_the_bad_input(data, tmp_path):
     few = tmp_path / "few.txt"
     few.write_text("cup\nsofa\n")
-    with pytest.raises(ValueError, match="few.txt.*at least 32.*found 2"):
+    with pytest.raises(ValueError, match=r"few.txt.*at least 32.*found 2"):
         export(data, tmp_path / "out", "--words", str(few))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match="--photos .*expected JPEG or PNG"):
-        export(data, tmp_path / "out", "--words", str(data / "words.txt"),
-               "--photos", str(tmp_path / "empty"))
-    with pytest.raises(ValueError, match="--size.*multiples of the patch, 16, found 100 128"):
+    with pytest.raises(ValueError, match=r"--photos .*expected JPEG or PNG"):
+        export(
+            data,
+            tmp_path / "out",
+            "--words",
+            str(data / "words.txt"),
+            "--photos",
+            str(tmp_path / "empty"),
+        )
+    with pytest.raises(ValueError, match=r"--size.*multiples of the patch, 16, found 100 128"):
         export(data, tmp_path / "out", "--words", str(data / "words.txt"), "--size", "100", "128")
     state = torch.load(data / "clip.pt", weights_only=True)
     del state["visual.transformer.resblocks.1.ln_2.bias"]
     torch.save(state, tmp_path / "clip.pt")
-    with pytest.raises(weights.WeightsError, match="resblocks.1.ln_2.bias.*no such tensor"):
+    with pytest.raises(weights.WeightsError, match=r"resblocks.1.ln_2.bias.*no such tensor"):
         export(tmp_path, tmp_path / "out", "--words", str(data / "words.txt"))
     assert not (tmp_path / "out" / "manifest.toml").exists()
 
 
-def test_a_given_compressor_is_used(data, tmp_path):
+def test_given_compressor_is_used(data, tmp_path):
     _, _, auto_encoder = small.published()
     torch.save(auto_encoder.state_dict(), tmp_path / "ae.pt")
     export(data, tmp_path / "out", "--compressor", str(tmp_path / "ae.pt"))

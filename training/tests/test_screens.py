@@ -1,24 +1,25 @@
-"""Pasted screens and prints: where they are labelled, from one seed the same, and none unasked."""
+"""Pasted screens and prints: their labels, their light, and how often they are pasted."""
 
 import numpy as np
 import pytest
 
-from data import Scenes, Words
-from screens import HANGING, LYING, SCREENS, Screens, corners
+from lexsplat_training.samples.sampler import Sampler
+from lexsplat_training.samples.screens import HANGING, LYING, SCREENS, Screens, corners
+from lexsplat_training.samples.words import Words
 
 PHOTOS = [np.full((90, 120, 3), tone, np.uint8) for tone in (40, 200)]
 
 
 def pasted(seed, is_screen):
-    """A grey image and its empty label map after one thing was pasted; and the words."""
+    """(image, label map, words) after one screen or print was pasted into a grey image."""
     words = Words()
     image, label = np.full((224, 320, 3), 90, np.uint8), np.full((56, 80), -1)
-    Screens(words, PHOTOS, np.random.default_rng(seed)).one(image, label, is_screen)
+    Screens(words, PHOTOS, np.random.default_rng(seed)).put_one(image, label, is_screen)
     return image, label, words
 
 
 @pytest.mark.parametrize("is_screen", [True, False])
-def test_labels_lie_on_what_was_pasted_and_bear_its_words(is_screen):
+def test_labels_cover_what_was_pasted_and_have_its_words(is_screen):
     allowed, shown = {*SCREENS, "laptop"} if is_screen else {*LYING, *HANGING}, 0
     for seed in range(25):
         image, label, words = pasted(seed, is_screen)
@@ -30,35 +31,35 @@ def test_labels_lie_on_what_was_pasted_and_bear_its_words(is_screen):
     assert shown > 15
 
 
-def test_one_seed_makes_one_image():
+def test_same_seed_gives_the_same_image():
     first, again, other = (pasted(seed, True) for seed in (3, 3, 4))
     assert np.array_equal(first[0], again[0]) and np.array_equal(first[1], again[1])
     assert not np.array_equal(first[0], other[0])
 
 
-def test_screens_give_light_and_prints_do_not():
+def test_screens_are_brighter_than_prints_in_a_dark_image():
     def brightest(is_screen):
-        """In a dark image, the mean over seeds of the brightest pixel's grey."""
+        """Mean over seeds of the brightest pixel's grey."""
         tops = []
         for seed in range(25):
             image = np.full((224, 320, 3), 20, np.uint8)
             screens = Screens(Words(), [], np.random.default_rng(seed))
-            screens.one(image, np.full((56, 80), -1), is_screen)
+            screens.put_one(image, np.full((56, 80), -1), is_screen)
             tops.append(image.mean(2).max())
         return np.mean(tops)
 
     assert brightest(True) > 2 * brightest(False)
 
 
-def test_a_rectangle_seen_straight_on_keeps_its_sides():
+def test_rectangle_seen_straight_on_keeps_its_sides():
     assert np.allclose(corners(40, 20, 0, 0, 0), [(-20, -10), (20, -10), (20, 10), (-20, 10)])
 
 
 @pytest.mark.parametrize("chance", [0.0, 1.0])
-def test_frames_hold_screens_by_their_chance_only(chance):
+def test_frames_hold_screens_with_the_given_chance(chance):
     words = Words()
     wall = words.add("wall")
     frame = np.full((240, 320, 3), 120, np.uint8), np.full((240, 320), wall, np.int16)
-    scenes = Scenes([(1.0, [frame])], [], words, (320, 224), 0.0, 5, chance)
-    found = {words.names[k] for _ in range(6) for k in np.unique(scenes.draw(scenes.size)[1])}
+    sampler = Sampler([(1.0, [frame])], [], words, (320, 224), 5, screens=chance)
+    found = {words.names[k] for _ in range(6) for k in np.unique(sampler.draw(sampler.size)[1])}
     assert (found == {"wall"}) == (chance == 0)

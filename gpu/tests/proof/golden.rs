@@ -92,7 +92,7 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
 }
 
-/// The factors of the functional; `functional` in training/golden.py is the same.
+/// The factors of the functional; `functional` in training/lexsplat_training/measure/golden.py is the same.
 fn functional(len: usize) -> Vec<f32> {
     let factor = |i: u32| {
         let mut h = i;

@@ -1,0 +1,1 @@
+"""Networks written as ONNX graphs, and bundles of them with a manifest."""

@@ -1,0 +1,1 @@
+"""Scores of a bundle, reference pictures for the renderer, and figures."""

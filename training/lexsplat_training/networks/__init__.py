@@ -1,0 +1,1 @@
+"""Network definitions in PyTorch, and weight files read into them."""

@@ -1,0 +1,1 @@
+"""Labelled frames and photographs, augmented and drawn as training batches."""
