@@ -10,6 +10,7 @@ import torch
 
 import small
 from cosine import least_cosine
+from lexsplat_training.command_line import InputError
 from lexsplat_training.export import bundle_writer, graphs
 from lexsplat_training.export import published as export_published
 from lexsplat_training.networks import clip_towers, weights
@@ -209,6 +210,12 @@ def test_errors_name_what_does_not_fit(files, tmp_path, file, change, says):
     for part in says:
         assert part in str(raised.value), (part, str(raised.value))
     assert not (tmp_path / "out" / "manifest.toml").exists()
+
+
+def test_another_kind_of_tower_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(clip_towers, "build", lambda _: small.build(vision=small.VIT))
+    with pytest.raises(InputError, match="--model: expected ConvNeXt"):
+        export_published.main(["--random", "1", "--out", str(tmp_path), "--size", "64", "96"])
 
 
 def test_pickled_module_is_refused_with_advice(tmp_path):

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import torch
 
-from ..command_line import parser
+from ..command_line import InputError, parser
 from ..networks import clip_towers, random_weights, weights
 from ..networks.clip_tokenizer import tokenizer
 from ..networks.published import AutoEncoder, Compress, Decompress, SuperResolution
@@ -34,7 +34,10 @@ LICENCE = "as the weight files it was made from"
 def networks(args):
     """(Vision, decoder, text tower, feature size), with the files' or random weights."""
     clip = clip_towers.build(args.model)
-    feature = clip.visual.head.mlp.fc2.out_features
+    head = getattr(clip.visual, "head", None)
+    if not hasattr(head, "mlp"):
+        raise InputError(f"--model: expected ConvNeXt with an MLP as head, such as {MODEL}")
+    feature = head.mlp.fc2.out_features
     encoder = clip_towers.ConvNextDense(clip.visual)
     text = clip_towers.TextTower(clip)
     srd = SuperResolution(feature, encoder.skips)

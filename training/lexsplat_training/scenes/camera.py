@@ -24,8 +24,8 @@ def random_view(room, caster, random, near):
     """
     half = room.size[:2] / 2 - 0.15
     for _ in range(60):
-        aim, reach = room.aims[random.integers(len(room.aims))]
-        if near and reach < 0.5:
+        aim, size = room.aims[random.integers(len(room.aims))]
+        if near and size < 0.5:
             angle, far = random.uniform(0, 2 * np.pi), random.uniform(0.5, 1.3)
             eye = aim + far * np.array([np.cos(angle), np.sin(angle), random.uniform(0.3, 1.0)])
         elif not near:

@@ -35,7 +35,7 @@ class Room:
     """Objects in a room.
 
     size: metres along x, y, z; x and y are centred on 0. parts, words: the objects and what they
-    are called. aims: [(point, distance that small objects are seen from)] for the camera.
+    are called. aims: [(point, size)] for the camera, where the size of small objects is 0.35.
     """
 
     def __init__(self, textures, house, objects, random):
