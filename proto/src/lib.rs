@@ -1,6 +1,10 @@
-//! `lexsplat.v1`: the wire messages and the `Mapping` service, generated from
-//! `lexsplat/v1/lexsplat.proto`. Units are in the field names. Nothing here checks anything: the
-//! server's `ingest` does.
+//! The types that server and clients exchange: the gRPC messages and service of `lexsplat.v1`,
+//! generated from `lexsplat/v1/lexsplat.proto`, and the JSON types of HTTP (feature `json`).
+//!
+//! These types are plain data. The server validates them in its `check` module.
+
+#[cfg(feature = "json")]
+pub mod json;
 
 /// Generated messages, client and server.
 #[allow(missing_docs, reason = "generated from the .proto, whose comments are the documentation")]

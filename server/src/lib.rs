@@ -4,20 +4,24 @@
 //! [`run`] is the whole server: it takes listeners that are bound already and any future as the sign to
 //! stop, so that tests bind port 0 and stop when they like.
 
+mod check;
 pub mod config;
-pub mod export;
-pub mod http;
-pub mod ingest;
+mod export;
+mod http;
+mod ingest;
+mod maps;
 pub mod pipeline;
-pub mod store;
+mod query_id;
+mod store;
 pub mod telemetry;
 #[cfg(test)]
 mod test_support;
-pub mod web;
+mod web;
 
 pub use config::Config;
 
 use ingest::{IngestError, MappingService};
+use maps::RecordedMaps;
 use pipeline::engine::{Engine, StartError};
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -71,23 +75,6 @@ pub struct Ready {
     pub bundle: String,
 }
 
-/// Starts the pipeline and serves until `shutdown` resolves; then finishes what is in hand.
-///
-/// # Errors
-/// [`RunError`] says what is missing and what to do about it.
-pub async fn run(
-    listeners: Listeners,
-    config: Config,
-    shutdown: impl Future<Output = ()>,
-) -> Result<(), RunError> {
-    let pipeline = config.pipeline();
-    // Opening the adapter and loading networks takes seconds.
-    let engine = tokio::task::spawn_blocking(move || Engine::start(pipeline))
-        .await
-        .map_err(|_| RunError::Panicked("starting the pipeline"))??;
-    serve(Arc::new(engine), listeners, config, |_| {}, shutdown).await
-}
-
 /// Serves `engine` until `shutdown` resolves; calls `on_ready` when the kept maps are rebuilt and
 /// robots are let in.
 ///
@@ -102,6 +89,7 @@ pub async fn serve(
 ) -> Result<(), RunError> {
     telemetry::recorder();
     let store = Store::open(config.server.data_dir.as_deref())?;
+    let maps = RecordedMaps::new(engine.clone(), store);
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
     let ready = Ready {
@@ -113,8 +101,7 @@ pub async fn serve(
     };
     let (is_ready, ready_state) = watch::channel(false);
     let router = http::router(http::Context {
-        engine: engine.clone(),
-        store: store.clone(),
+        maps: maps.clone(),
         config: config.http.clone(),
         ready: ready_state,
         stopping: stopping.clone(),
@@ -126,14 +113,14 @@ pub async fn serve(
         served.map_err(RunError::from)
     });
     tokio::pin!(shutdown);
-    let limits = (&config.ingest).into();
+    let limits = config.ingest.limits();
     let rebuilt = tokio::select! {
-        rebuilt = store::replay(&store, &engine, &limits) => rebuilt.map(|()| true)?,
+        rebuilt = maps::replay(&maps, &limits) => rebuilt.map(|()| true)?,
         () = &mut shutdown => false,
     };
     let mut first = None;
     if rebuilt {
-        let service = MappingService::new(engine.clone(), store, &config.ingest, stopping.clone());
+        let service = MappingService::new(maps, &config.ingest, stopping.clone());
         parts.spawn(async move { service.serve(listeners.grpc).await.map_err(RunError::from) });
         is_ready.send_replace(true);
         on_ready(&ready);

@@ -27,7 +27,7 @@ pub const PAIRED: usize = 1024;
 /// A thing that no frame shows with more pixels than this is not counted.
 pub const SEEN_PIXELS: usize = 400;
 /// As many objects are asked for.
-const MOST_OBJECTS: usize = 64;
+const MOST_OBJECTS: u32 = 64;
 
 /// One label in space.
 #[derive(Clone, Debug, PartialEq, Serialize)]

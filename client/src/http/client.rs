@@ -1,24 +1,13 @@
 //! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
 
 use super::error::HttpError;
-use super::wire::{
-    Answer, Health, HeatmapLink, Keyframe, LabelsLink, PointsLink, Question, Segmentation, Status,
-};
 use crate::npy::{self, Array};
+use lexsplat_proto::json::{
+    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, PointsLink, Problem, Question,
+    Segmentation, Status,
+};
 use reqwest::{RequestBuilder, Response, Url, header};
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
-
-/// What a problem document says.
-#[derive(Deserialize)]
-struct Problem {
-    detail: String,
-}
-
-#[derive(Deserialize)]
-struct Frames {
-    frames: Vec<Keyframe>,
-}
 
 /// A server.
 #[derive(Clone, Debug)]

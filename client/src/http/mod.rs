@@ -2,12 +2,13 @@
 
 mod client;
 mod error;
+mod project;
 mod settle;
-mod wire;
 
 pub use client::HttpClient;
 pub use error::HttpError;
-pub use wire::{
-    Answer, Bounds, Camera, FrameView, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry,
-    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing,
+pub use lexsplat_proto::json::{
+    Answer, Bounds, Camera, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry, Object, Peak,
+    PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, View,
 };
+pub use project::project;

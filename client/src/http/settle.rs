@@ -2,7 +2,7 @@
 
 use super::client::HttpClient;
 use super::error::HttpError;
-use super::wire::Status;
+use lexsplat_proto::json::Status;
 use std::time::{Duration, Instant};
 
 /// A map without a new revision for so long has stalled.

@@ -1,25 +1,25 @@
-//! Settings of the HTTP edge, section `[http]`.
+//! Settings of the HTTP interface, section `http`.
 
 use crate::pipeline::range::{OutOfRange, at_least};
 use serde::{Deserialize, Serialize};
 
-/// What is taken from and kept for HTTP clients.
+/// Limits on requests, and on what the server keeps for HTTP clients.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HttpConfig {
     /// The longest request body, bytes.
     pub max_body_bytes: usize,
-    /// The largest picture that is rendered, pixels.
+    /// The largest image that can be rendered, pixels.
     pub max_render_pixels: u64,
-    /// How long a query or a picture may take, seconds.
+    /// How long a query or a rendered image may take, seconds.
     pub request_seconds: u64,
-    /// Answers whose heat maps and points can still be fetched.
+    /// Number of answers to keep, so that their heat maps, labels and points can be fetched.
     pub recent_answers: usize,
-    /// What those may take together, bytes.
+    /// Memory that the kept answers may use together, bytes.
     pub recent_answers_bytes: usize,
-    /// Events of a map that a client which was away can still catch up on.
+    /// Number of events of a map to keep for clients that reconnect.
     pub event_backlog: usize,
-    /// Origins whose pages may use this server from a browser; "*" is any. The dashboard needs none.
+    /// Origins (CORS) of web pages that may use this server; "*" allows any. The dashboard needs none.
     pub cors_origins: Vec<String>,
 }
 
@@ -42,7 +42,7 @@ impl HttpConfig {
     ///
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         at_least("http.max_body_bytes", self.max_body_bytes, 1)?;
         at_least("http.max_render_pixels", self.max_render_pixels, 1)?;
         at_least("http.request_seconds", self.request_seconds, 1)?;

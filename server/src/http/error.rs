@@ -1,84 +1,73 @@
-//! Errors as RFC 9457 problem documents.
+//! Errors as RFC 9457 problem documents (`application/problem+json`).
 
+use crate::check::Refusal;
 use crate::export::ExportError;
-use crate::ingest::convert::Refusal;
+use crate::maps::MapsError;
 use crate::pipeline::map::MapError;
 use crate::pipeline::query::QueryError;
-use crate::store::StoreError;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
-use utoipa::ToSchema;
+use lexsplat_proto::json;
 
-/// What went wrong, as `application/problem+json`.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct Problem {
-    /// A URI for the kind of problem.
-    #[serde(rename = "type")]
-    kind: String,
-    /// The kind of problem in words.
-    title: String,
-    /// The HTTP status.
-    #[schema(example = 400)]
-    status: u16,
-    /// What was expected and what was found.
-    #[schema(example = "threshold: expected 0 to 1, found 3")]
-    detail: String,
-    /// The field at fault.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(example = "threshold")]
-    field: Option<String>,
-}
+/// An error as the handlers return it.
+#[derive(Debug)]
+pub(crate) struct Problem(json::Problem);
 
 impl Problem {
-    /// A problem with the status's own title.
-    pub fn new(status: StatusCode, detail: impl Into<String>) -> Self {
+    /// A problem with the standard title of the status.
+    pub(crate) fn new(status: StatusCode, detail: impl Into<String>) -> Self {
         let title = status.canonical_reason().unwrap_or("Error");
         let slug: String = title
             .chars()
             .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' })
             .collect();
-        Self {
+        Self(json::Problem {
             kind: format!("urn:lexsplat:problem:{slug}"),
             title: title.into(),
             status: status.as_u16(),
             detail: detail.into(),
             field: None,
-        }
+        })
     }
 
-    /// The same, with the field at fault.
+    #[cfg(test)]
+    pub(super) fn body(&self) -> &json::Problem {
+        &self.0
+    }
+
+    /// Adds the name of the request field with the error.
     #[must_use]
-    pub fn at(mut self, field: impl Into<String>) -> Self {
-        self.field = Some(field.into());
+    pub(crate) fn at(mut self, field: impl Into<String>) -> Self {
+        self.0.field = Some(field.into());
         self
     }
 
-    /// 400.
-    pub fn bad_request(detail: impl Into<String>) -> Self {
+    /// Status 400.
+    pub(crate) fn bad_request(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, detail)
     }
 
-    /// 404.
-    pub fn not_found(detail: impl Into<String>) -> Self {
+    /// Status 404.
+    pub(crate) fn not_found(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, detail)
     }
 
-    /// 500.
-    pub fn internal(detail: impl Into<String>) -> Self {
+    /// Status 500.
+    pub(crate) fn internal(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, detail)
     }
 
-    /// 503.
-    pub fn unavailable(detail: impl Into<String>) -> Self {
+    /// Status 503.
+    pub(crate) fn unavailable(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, detail)
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        let body = serde_json::to_vec(&self).expect("strings and numbers are JSON");
+        let status =
+            StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let body = serde_json::to_vec(&self.0).expect("strings and numbers are JSON");
         (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response()
     }
 }
@@ -139,9 +128,15 @@ impl From<ExportError> for Problem {
     }
 }
 
-impl From<StoreError> for Problem {
-    fn from(error: StoreError) -> Self {
-        tracing::error!(error = &error as &dyn std::error::Error, "the store failed");
-        Self::internal("the server cannot write to its data directory: its log says why")
+impl From<MapsError> for Problem {
+    fn from(error: MapsError) -> Self {
+        match error {
+            MapsError::Map(error) => error.into(),
+            MapsError::Store(error) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "the store failed");
+                Self::internal("the server cannot write to its data directory: see its log")
+            }
+            MapsError::Panicked => Self::internal(error.to_string()),
+        }
     }
 }

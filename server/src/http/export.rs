@@ -1,64 +1,17 @@
-//! `GET /v1/maps/{name}/export/{file}`: the map as a file, with `ETag` and ranges.
+//! `GET /v1/maps/{name}/export/{file}`: a map as a file, with `ETag` and ranges.
 
+use super::error::Problem;
 use super::extract::{NamedMap, Options, Segments};
+use super::file_cache::{ExportOptions, Exported};
 use super::range::{Tagged, respond};
-use super::{Problem, State};
-use crate::export::{self, Format, MeshOptions};
-use crate::ingest::convert::question::Question;
-use crate::pipeline::snapshot::MapSnapshot;
+use super::state::State;
+use crate::check;
+use crate::export::{self, Format};
 use axum::http::HeaderMap;
 use axum::response::Response;
-use serde::Deserialize;
+use lexsplat_proto::json;
 use sha2::{Digest as _, Sha256};
-use std::sync::{Arc, Mutex, Weak};
-use utoipa::IntoParams;
-
-/// What can be chosen about `mesh.ply`.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, IntoParams)]
-#[serde(default, deny_unknown_fields)]
-pub(super) struct ExportOptions {
-    /// mesh.ply: side of a voxel, 0.002 to 1 metre; 0.02 if absent.
-    voxel: Option<f32>,
-    /// mesh.ply: words, whose relevancy becomes a property of the vertices.
-    text: Option<String>,
-}
-
-impl ExportOptions {
-    fn checked(&self) -> Result<MeshOptions, Problem> {
-        let question = self.text.as_ref().map(|text| Question::about(text).checked("smoothing"));
-        Ok(MeshOptions { voxel_metres: self.voxel, question: question.transpose()? })
-    }
-}
-
-/// The newest file, so that its parts are not written anew one by one.
-#[derive(Default)]
-pub(super) struct LastFile(Mutex<Option<Last>>);
-
-struct Last {
-    of: Weak<MapSnapshot>,
-    format: Format,
-    options: ExportOptions,
-    file: Tagged,
-}
-
-impl LastFile {
-    fn get(
-        &self,
-        snapshot: &Arc<MapSnapshot>,
-        format: Format,
-        options: &ExportOptions,
-    ) -> Option<Tagged> {
-        let last = self.0.lock().expect("no thread panics while it holds the file");
-        last.as_ref()
-            .filter(|last| last.format == format && last.options == *options)
-            .filter(|last| last.of.ptr_eq(&Arc::downgrade(snapshot)))
-            .map(|last| last.file.clone())
-    }
-
-    fn put(&self, last: Last) {
-        *self.0.lock().expect("no thread panics while it holds the file") = Some(last);
-    }
-}
+use std::sync::Arc;
 
 /// The map as a file.
 #[utoipa::path(
@@ -69,12 +22,12 @@ impl LastFile {
         ExportOptions,
     ),
     responses(
-        (status = 200, description = "all of it", content_type = "application/octet-stream"),
+        (status = 200, description = "the whole file", content_type = "application/octet-stream"),
         (status = 206, description = "the part that Range asks for", content_type = "application/octet-stream"),
-        (status = 304, description = "unchanged since the entity tag"),
-        (status = 400, description = "an option is wrong", body = Problem, content_type = "application/problem+json"),
-        (status = 404, description = "no such map or file", body = Problem, content_type = "application/problem+json"),
-        (status = 416, description = "no such part", body = Problem, content_type = "application/problem+json"),
+        (status = 304, description = "the file still has the entity tag in If-None-Match"),
+        (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),
+        (status = 404, description = "no such map or file", body = json::Problem, content_type = "application/problem+json"),
+        (status = 416, description = "the range is outside the file", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn file(
@@ -89,15 +42,17 @@ pub(super) async fn file(
     if let Some(file) = state.last_file.get(&snapshot, format, &options) {
         return Ok(respond(file, &headers, format.media_type()));
     }
-    let mesh = options.checked()?;
-    let data = export::file(&state.engine, snapshot.clone(), format, mesh).await?;
+    let mesh = check::mesh_options(options.voxel, options.text.as_deref())?;
+    let data = export::file(state.engine(), snapshot.clone(), format, mesh).await?;
     let tagged = tokio::task::spawn_blocking(move || {
         let digest = Sha256::digest(&data);
         let etag: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
         Tagged { etag: format!("\"{etag}\""), data: data.into() }
     });
-    let file = tagged.await.map_err(|_| Problem::internal("reading the file panicked"))?;
-    let of = Arc::downgrade(&snapshot);
-    state.last_file.put(Last { of, format, options, file: file.clone() });
+    let file = tagged
+        .await
+        .map_err(|_| Problem::internal("hashing the file panicked: see the server's log"))?;
+    let snapshot = Arc::downgrade(&snapshot);
+    state.last_file.put(Exported { snapshot, format, options, file: file.clone() });
     Ok(respond(file, &headers, format.media_type()))
 }

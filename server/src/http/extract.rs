@@ -1,24 +1,23 @@
-//! Reading requests: path segments, query strings, JSON bodies, `Accept`; what does not parse is a
-//! [`Problem`].
+//! Reading requests: path segments, query strings, JSON bodies and `Accept`.
 
-use super::{Problem, Shared};
+use super::error::Problem;
+use super::state::Shared;
 use crate::pipeline::map::Map;
-use axum::body::Bytes;
-use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::extract::{FromRequest, FromRequestParts, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What a client accepts when it wants arrays.
+/// The media type of numpy arrays.
 pub(super) const NPY: &str = "application/x-npy";
 
-/// The named parts of the path.
+/// The named segments of the path.
 pub(super) struct Segments(HashMap<String, String>);
 
 impl Segments {
-    /// The part that the route calls `name`.
+    /// The segment that the route calls `name`.
     pub(super) fn get(&self, name: &str) -> &str {
         self.0.get(name).map(String::as_str).unwrap_or_default()
     }
@@ -42,7 +41,7 @@ impl FromRequestParts<Arc<Shared>> for NamedMap {
 
     async fn from_request_parts(parts: &mut Parts, state: &Arc<Shared>) -> Result<Self, Problem> {
         let segments = Segments::from_request_parts(parts, state).await?;
-        Ok(Self(state.engine.map(segments.get("name"))?))
+        Ok(Self(state.maps.get(segments.get("name"))?))
     }
 }
 
@@ -52,18 +51,14 @@ pub(super) struct Options<T>(pub(super) T);
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Options<T> {
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
-        match Query::<T>::from_request_parts(parts, state).await {
-            Ok(Query(options)) => Ok(Self(options)),
-            Err(rejection) => {
-                let text = rejection.body_text();
-                Err(unreadable(text.trim_start_matches("Failed to deserialize query string: ")))
-            }
-        }
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Problem> {
+        let query = form_urlencoded::parse(parts.uri.query().unwrap_or_default().as_bytes());
+        let options = serde_path_to_error::deserialize(serde_urlencoded::Deserializer::new(query));
+        options.map(Self).map_err(unreadable)
     }
 }
 
-/// A JSON body, whatever `Content-Type` says.
+/// A JSON body; `Content-Type` is ignored.
 pub(super) struct Body<T>(pub(super) T);
 
 impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
@@ -72,44 +67,35 @@ impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
     async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
         let limit = state.config.max_body_bytes;
         let body = axum::body::to_bytes(request.into_body(), limit).await.map_err(|_| {
-            let detail = format!("the body is longer than {limit} bytes, or broke off");
+            let detail = format!("the body is longer than {limit} bytes or incomplete");
             Problem::new(StatusCode::PAYLOAD_TOO_LARGE, detail)
         })?;
         json(&body).map(Self)
     }
 }
 
-/// Parses JSON; the problem has line, column and field.
-pub(super) fn json<T: DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
-    axum::Json::<T>::from_bytes(body).map(|axum::Json(value)| value).map_err(|rejection| {
-        let text = rejection.body_text();
-        let detail = text
-            .trim_start_matches("Failed to deserialize the JSON body into the target type: ")
-            .trim_start_matches("Failed to parse the request body as JSON: ");
-        unreadable(detail)
-    })
+/// Parses JSON. The problem has the line, the column and the field.
+fn json<T: DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+    let mut deserializer = serde_json::Deserializer::from_slice(body);
+    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(unreadable)?;
+    deserializer.end().map_err(|error| Problem::bad_request(error.to_string()))?;
+    Ok(value)
 }
 
-/// A problem whose field is read from serde's message: "path: what" or "unknown field `name`".
-fn unreadable(detail: &str) -> Problem {
-    let problem = Problem::bad_request(detail);
-    let (path, message) = detail.split_once(": ").unwrap_or(("", detail));
-    let is_path =
-        !path.is_empty() && path.chars().all(|c| c.is_ascii_alphanumeric() || "_.[]".contains(c));
-    let parent = if is_path { path } else { "" };
-    let quoted = |lead: &str| {
-        let message = if is_path { message } else { detail };
-        message.strip_prefix(lead).and_then(|rest| rest.split('`').next()).map(str::to_owned)
+/// A problem with the path of the field that could not be read.
+fn unreadable<E: std::error::Error>(error: serde_path_to_error::Error<E>) -> Problem {
+    let problem = Problem::bad_request(error.to_string());
+    let mut path: Vec<String> = match error.path().iter().len() {
+        0 => Vec::new(),
+        _ => vec![error.path().to_string()],
     };
-    let named = quoted("unknown field `").or_else(|| quoted("missing field `"));
-    match (parent, named) {
-        ("", None) => problem,
-        ("", Some(name)) => problem.at(name),
-        (parent, None) => problem.at(parent),
-        (parent, Some(name)) if parent == name || parent.ends_with(&format!(".{name}")) => {
-            problem.at(parent)
-        }
-        (parent, Some(name)) => problem.at(format!("{parent}.{name}")),
+    // The path ends at the object that lacks the field; serde names the field in its message only.
+    let message = error.inner().to_string();
+    let missing = message.strip_prefix("missing field `").and_then(|rest| rest.split('`').next());
+    path.extend(missing.map(str::to_owned));
+    match path.is_empty() {
+        true => problem,
+        false => problem.at(path.join(".")),
     }
 }
 
@@ -144,13 +130,14 @@ mod tests {
     }
 
     fn problem(text: &'static str) -> serde_json::Value {
-        let problem = json::<Outer>(&Bytes::from_static(text.as_bytes())).unwrap_err();
-        serde_json::to_value(problem).unwrap()
+        let problem = json::<Outer>(text.as_bytes()).unwrap_err();
+        serde_json::to_value(problem.body()).unwrap()
     }
 
     #[test]
     fn broken_json_names_line_and_column() {
-        json::<Outer>(&Bytes::from_static(b"{\"view\": {\"frame\": 3}}")).unwrap();
+        json::<Outer>(b"{\"view\": {\"frame\": 3}}").unwrap();
+        assert!(json::<Outer>(b"{\"view\": {\"frame\": 3}} x").is_err());
         let detail = problem("{\"view\":\n {]}")["detail"].to_string();
         assert!(detail.contains("line 2 column 3"), "{detail}");
         assert!(problem("")["detail"].to_string().contains("line 1"));

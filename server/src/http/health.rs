@@ -1,50 +1,36 @@
 //! Liveness, readiness and metrics.
 
-use super::{Problem, State};
+use super::error::Problem;
+use super::state::State;
 use crate::pipeline::map::MapStatus;
 use crate::telemetry;
 use axum::Json;
 use axum::http::header;
 use axum::response::IntoResponse;
-use serde::Serialize;
+use lexsplat_proto::json::{self, Health};
 use std::fmt::Write as _;
-use utoipa::ToSchema;
 
-/// The server as it is.
-#[derive(Debug, Serialize, ToSchema)]
-pub(super) struct Health {
-    /// "alive" or "ready".
-    status: &'static str,
-    /// The adapter that renders.
-    adapter: String,
-    /// The networks.
-    bundle: String,
-    version: &'static str,
+fn health(state: &State, status: &str) -> Json<Health> {
+    Json(Health {
+        status: status.into(),
+        adapter: state.engine().adapter().into(),
+        bundle: state.engine().bundle().into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+    })
 }
 
-impl Health {
-    fn of(state: &State, status: &'static str) -> Json<Self> {
-        Json(Self {
-            status,
-            adapter: state.engine.adapter().into(),
-            bundle: state.engine.bundle().into(),
-            version: env!("CARGO_PKG_VERSION"),
-        })
-    }
-}
-
-/// Whether the process lives.
+/// Whether the process runs.
 #[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, body = Health)))]
 pub(super) async fn healthz(state: State) -> Json<Health> {
-    Health::of(&state, "alive")
+    health(&state, "alive")
 }
 
-/// Whether it takes work: not while maps are rebuilt, and not when it stops.
+/// Whether the server takes requests: not while it rebuilds maps from their logs or stops.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
     responses(
         (status = 200, body = Health),
-        (status = 503, description = "not now", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "the server is starting or stopping", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
@@ -54,10 +40,10 @@ pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
     if !*state.ready.borrow() {
         return Err(Problem::unavailable("maps are being rebuilt from their logs: try again"));
     }
-    Ok(Health::of(&state, "ready"))
+    Ok(health(&state, "ready"))
 }
 
-/// Prometheus text.
+/// Metrics as Prometheus text.
 #[utoipa::path(
     get, path = "/metrics", tag = "health",
     responses((status = 200, body = String, content_type = "text/plain")),
@@ -65,18 +51,18 @@ pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
 pub(super) async fn metrics(state: State) -> impl IntoResponse {
     let recorder = telemetry::recorder();
     recorder.run_upkeep();
-    let statuses: Vec<MapStatus> = state.engine.maps().iter().map(|map| map.status()).collect();
+    let statuses: Vec<MapStatus> = state.engine().maps().iter().map(|map| map.status()).collect();
     let text = recorder.render() + &of_maps(&statuses) + &of_process();
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text)
 }
 
-/// Lines of `/proc/self/status`, and what Prometheus calls them.
+/// Key in `/proc/self/status`, name in Prometheus, and meaning.
 const OF_PROCESS: [(&str, &str, &str); 2] = [
-    ("VmRSS:", "process_resident_memory_bytes", "Memory that the process has"),
-    ("VmHWM:", "process_peak_resident_memory_bytes", "The most memory that it has had"),
+    ("VmRSS:", "process_resident_memory_bytes", "Resident memory of the process"),
+    ("VmHWM:", "process_peak_resident_memory_bytes", "Peak resident memory of the process"),
 ];
 
-/// The process's memory; nothing where the system does not say.
+/// The memory of the process; empty on systems without `/proc`.
 fn of_process() -> String {
     memory(&std::fs::read_to_string("/proc/self/status").unwrap_or_default())
 }
@@ -92,10 +78,10 @@ fn memory(status: &str) -> String {
     OF_PROCESS.iter().filter_map(number).collect()
 }
 
-type Number = fn(&MapStatus) -> u64;
+type Value = fn(&MapStatus) -> u64;
 
-/// Name, kind, meaning and value of each number of a map.
-const OF_MAP: [(&str, &str, &str, Number); 14] = [
+/// Name, kind, meaning and value of each metric of a map.
+const OF_MAP: [(&str, &str, &str, Value); 14] = [
     ("frames_received_total", "counter", "Frames that passed the checks", |s| s.frames_received),
     ("frames_tracked_total", "counter", "Frames with a pose", |s| s.frames_tracked),
     ("frames_lost_total", "counter", "Frames without a pose", |s| s.frames_lost),
@@ -105,19 +91,21 @@ const OF_MAP: [(&str, &str, &str, Number); 14] = [
     }),
     ("keyframes", "gauge", "Keyframes", |s| s.keyframes),
     ("gaussians", "gauge", "Gaussians", |s| s.gaussians),
-    ("gpu_bytes", "gauge", "Device memory of the Gaussians", |s| s.gpu_bytes),
-    ("keyframe_bytes", "gauge", "Memory of keyframes' pictures and codes", |s| s.keyframe_bytes),
-    ("revision", "gauge", "The newest snapshot", |s| s.revision),
-    ("olae_version", "gauge", "Version of the online compressor", |s| s.olae_version),
-    ("queue_depth", "gauge", "Frames that wait", |s| s.queue_depth as u64),
-    ("queue_capacity", "gauge", "Frames that may wait", |s| s.queue_capacity as u64),
-    ("settled", "gauge", "1 when the mapper has nothing to do", |s| u64::from(s.settled)),
+    ("gpu_bytes", "gauge", "GPU memory of the Gaussians", |s| s.gpu_bytes),
+    ("keyframe_bytes", "gauge", "Memory of the keyframes' images and language codes", |s| {
+        s.keyframe_bytes
+    }),
+    ("revision", "gauge", "Revision of the newest snapshot", |s| s.revision),
+    ("olae_version", "gauge", "Version of the online language compressor", |s| s.olae_version),
+    ("queue_depth", "gauge", "Frames in the queue", |s| s.queue_depth as u64),
+    ("queue_capacity", "gauge", "Capacity of the queue", |s| s.queue_capacity as u64),
+    ("settled", "gauge", "1 when the mapper has nothing left to do", |s| u64::from(s.settled)),
 ];
 
-/// The maps' numbers as they are now; a deleted map's are gone at once.
+/// The current metrics of all maps.
 fn of_maps(statuses: &[MapStatus]) -> String {
     let mut text = format!(
-        "# HELP lexsplat_maps Maps\n# TYPE lexsplat_maps gauge\nlexsplat_maps {}\n",
+        "# HELP lexsplat_maps Number of maps\n# TYPE lexsplat_maps gauge\nlexsplat_maps {}\n",
         statuses.len()
     );
     for (name, kind, meaning, value) in OF_MAP {
@@ -127,7 +115,7 @@ fn of_maps(statuses: &[MapStatus]) -> String {
         };
         line(format_args!("# HELP {name} {meaning}\n# TYPE {name} {kind}\n"));
         for status in statuses {
-            // A map's name has no character that would have to be escaped.
+            // The names of maps have no characters that need escaping.
             line(format_args!("{name}{{map=\"{}\"}} {}\n", status.name, value(status)));
         }
     }

@@ -1,15 +1,16 @@
-//! `GET /openapi.json`: OpenAPI 3.1, made from the handlers' own annotations.
+//! `GET /openapi.json`: the OpenAPI 3.1 document, generated from the annotations of the handlers.
 
-use super::{Problem, answers, events, export, health, map, query, render, segment};
+use super::{answers, events, export, health, map, query, render};
 use axum::Json;
+use lexsplat_proto::json;
 use utoipa::OpenApi;
 
 #[derive(OpenApi)]
 #[openapi(
     info(
         title = "lexsplat",
-        description = "Ask a map of Gaussians in plain words. The world is the map's frame, metres; \
-                       camera axes are x right, y down, z forward.",
+        description = "Questions in plain words to maps of 3D Gaussians. Positions are metres in the \
+                       map's world; camera axes are x right, y down, z forward.",
     ),
     paths(
         health::healthz,
@@ -25,13 +26,13 @@ use utoipa::OpenApi;
         query::ask,
         answers::heatmap,
         answers::points,
-        segment::labels,
+        answers::labels,
         render::of_frame,
         render::of_view,
         export::file,
         events::stream,
     ),
-    components(schemas(Problem, events::FrameEvent, events::RevisionEvent, events::MissedEvent))
+    components(schemas(json::Problem, json::FrameEvent, json::RevisionEvent, json::MissedEvent))
 )]
 pub(super) struct Document;
 

@@ -1,6 +1,6 @@
-//! Parts of files: `ETag`, `If-None-Match`, `Range`, `If-Range` (RFC 9110).
+//! Entity tags and byte ranges of files: `ETag`, `If-None-Match`, `Range`, `If-Range` (RFC 9110).
 
-use super::Problem;
+use super::error::Problem;
 use axum::body::Bytes;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
@@ -12,16 +12,17 @@ pub(super) struct Tagged {
     pub(super) data: Bytes,
 }
 
-/// What part is asked for.
+/// The part of a file that a request asks for.
 #[derive(Debug, PartialEq, Eq)]
 enum Part {
     All,
-    /// First byte, and the one behind the last.
+    /// First byte, and the byte after the last.
     Some(usize, usize),
-    Nowhere,
+    /// Outside the file.
+    Outside,
 }
 
-/// Answers a GET of `file`, whole or in part.
+/// Answers a GET request for `file` or a part of it.
 pub(super) fn respond(file: Tagged, headers: &HeaderMap, content_type: &'static str) -> Response {
     let Tagged { etag, data } = file;
     let tag = HeaderValue::from_str(&etag).expect("an entity tag is hexadecimal in quotes");
@@ -45,7 +46,7 @@ pub(super) fn respond(file: Tagged, headers: &HeaderMap, content_type: &'static 
             (StatusCode::PARTIAL_CONTENT, common, typed, range, data.slice(from..to))
                 .into_response()
         }
-        Part::Nowhere => {
+        Part::Outside => {
             let detail = format!("the file has {total} bytes: the range is outside");
             let range = [(header::CONTENT_RANGE, format!("bytes */{total}"))];
             let problem = Problem::new(StatusCode::RANGE_NOT_SATISFIABLE, detail).at("range");
@@ -60,18 +61,18 @@ fn matches(tags: &str, etag: &str) -> bool {
         .any(|tag| tag == "*" || tag == etag)
 }
 
-/// One range of bytes; several, or what is no range, mean the whole file, as the RFC allows.
+/// Reads one range of bytes. Several ranges and malformed ranges mean the whole file, as the RFC allows.
 fn part(range: &str, total: usize) -> Part {
     let Some(spec) = range.trim().strip_prefix("bytes=") else { return Part::All };
     let Some((first, last)) = spec.split_once('-') else { return Part::All };
     let (first, last) = (first.trim(), last.trim());
     match (first.parse::<usize>(), last.parse::<usize>()) {
-        (Err(_), Ok(0)) if first.is_empty() => Part::Nowhere,
-        (Err(_), Ok(_)) if first.is_empty() && total == 0 => Part::Nowhere,
+        (Err(_), Ok(0)) if first.is_empty() => Part::Outside,
+        (Err(_), Ok(_)) if first.is_empty() && total == 0 => Part::Outside,
         (Err(_), Ok(count)) if first.is_empty() => Part::Some(total.saturating_sub(count), total),
         (Ok(first), Ok(last)) if first > last => Part::All,
         (Ok(first), _) if first >= total && (last.is_empty() || last.parse::<usize>().is_ok()) => {
-            Part::Nowhere
+            Part::Outside
         }
         (Ok(first), Ok(last)) => Part::Some(first, last.saturating_add(1).min(total)),
         (Ok(first), Err(_)) if last.is_empty() => Part::Some(first, total),
@@ -90,9 +91,9 @@ mod tests {
         assert_eq!(part("bytes=-3", 10), Part::Some(7, 10));
         assert_eq!(part("bytes=-30", 10), Part::Some(0, 10));
         assert_eq!(part("bytes=5-500", 10), Part::Some(5, 10));
-        assert_eq!(part("bytes=10-", 10), Part::Nowhere);
-        assert_eq!(part("bytes=-0", 10), Part::Nowhere);
-        assert_eq!(part("bytes=0-", 0), Part::Nowhere);
+        assert_eq!(part("bytes=10-", 10), Part::Outside);
+        assert_eq!(part("bytes=-0", 10), Part::Outside);
+        assert_eq!(part("bytes=0-", 0), Part::Outside);
         for whole in ["bytes=5-4", "bytes=0-1,3-4", "bytes=x-", "items=0-1", "bytes=-"] {
             assert_eq!(part(whole, 10), Part::All, "{whole}");
         }

@@ -1,29 +1,30 @@
-//! Settings of the gRPC edge, section `[ingest]`.
+//! Settings of the gRPC interface, section `ingest`.
 
+use crate::check::Limits;
 use crate::pipeline::range::{OutOfRange, at_least, require};
 use serde::{Deserialize, Serialize};
 
-/// What is taken from robots.
+/// Limits on what senders of frames may send, and on how long they may take.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IngestConfig {
     /// The longest gRPC message, bytes.
     pub max_message_bytes: usize,
-    /// The largest image, pixels; larger ones are refused before they are decoded.
+    /// The largest image, pixels; larger images are refused before they are decoded.
     pub max_pixels: u64,
-    /// Depth below this is no measurement, metres.
+    /// Smaller depths are treated as no measurement, metres.
     pub min_depth_metres: f32,
-    /// Depth above this is no measurement, metres.
+    /// Larger depths are treated as no measurement, metres.
     pub max_depth_metres: f32,
-    /// Acknowledgements that a stream may have outstanding before it is read no further.
+    /// Unread acknowledgements of a stream; with more, the server stops reading its frames.
     pub ack_backlog: usize,
     /// How long a sender may take to read an acknowledgement, seconds.
     pub ack_seconds: u64,
     /// How long a stream may take to send its opening message, seconds.
     pub open_seconds: u64,
-    /// How often a silent connection is asked whether it is still there, seconds.
+    /// Interval of HTTP/2 keep-alive pings, seconds.
     pub keepalive_seconds: u64,
-    /// How long it may take to answer that, seconds.
+    /// How long the reply to a ping may take before the connection is closed, seconds.
     pub keepalive_timeout_seconds: u64,
 }
 
@@ -44,11 +45,20 @@ impl Default for IngestConfig {
 }
 
 impl IngestConfig {
+    /// The limits on frames and cameras.
+    pub(crate) fn limits(&self) -> Limits {
+        Limits {
+            max_pixels: self.max_pixels,
+            min_depth_metres: self.min_depth_metres,
+            max_depth_metres: self.max_depth_metres,
+        }
+    }
+
     /// Checks the range of each number.
     ///
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         at_least("ingest.max_message_bytes", self.max_message_bytes, 1)?;
         at_least("ingest.max_pixels", self.max_pixels, 1)?;
         at_least("ingest.ack_backlog", self.ack_backlog, 1)?;

@@ -1,28 +1,27 @@
-//! Making, describing, deleting and exporting maps over gRPC.
+//! Creating, describing, deleting and exporting maps over gRPC.
 
-use super::convert::question::Question;
-use super::{CHUNK_BACKLOG, CHUNK_BYTES, MappingService, status};
-use crate::export::{self, Format, MeshOptions};
+use super::context::Context;
+use super::status;
+use crate::check;
+use crate::export::{self, Format};
 use crate::pipeline::map::MapStatus;
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 
-pub(super) async fn create(service: &MappingService, name: &str) -> Result<v1::MapStatus, Status> {
-    let engine = service.engine.clone();
-    let owned = name.to_owned();
-    // Making a map takes device memory and a thread.
-    let made = tokio::task::spawn_blocking(move || engine.create(&owned)).await;
-    let map = made
-        .map_err(|_| Status::internal("making the map panicked"))?
-        .map_err(|error| status::of_map(&error, "name"))?;
+/// Bytes in a chunk of an exported file.
+const CHUNK_BYTES: usize = 256 << 10;
+/// Chunks that may wait for the reader.
+const CHUNK_BACKLOG: usize = 4;
+
+pub(super) async fn create(context: &Context, name: &str) -> Result<v1::MapStatus, Status> {
+    let map = context.maps.create(name).await.map_err(|error| status::of_maps(&error, "name"))?;
     Ok(wire_status(map.status()))
 }
 
-pub(super) async fn delete(service: &MappingService, name: &str) -> Result<(), Status> {
-    service.engine.delete(name).await.map_err(|error| status::of_map(&error, "name"))?;
-    service.store.forget(name).await.map_err(|error| Status::internal(error.to_string()))
+pub(super) async fn delete(context: &Context, name: &str) -> Result<(), Status> {
+    context.maps.delete(name).await.map_err(|error| status::of_maps(&error, "name"))
 }
 
 pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
@@ -46,18 +45,17 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
     }
 }
 
-/// The file in chunks; a slow reader makes the sender wait, a reader that is gone ends it.
+/// The exported file in chunks. The queue of chunks is bounded; sending stops when the client leaves.
 pub(super) async fn export(
-    service: &MappingService,
+    context: &Context,
     request: v1::ExportRequest,
 ) -> Result<ReceiverStream<Result<v1::Chunk, Status>>, Status> {
-    let map = service.engine.map(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+    let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
-    let words = (!request.text.is_empty()).then_some(request.text);
-    let question = words.map(|text| Question::about(&text).checked("smoothing_pixels"));
-    let question = question.transpose().map_err(|refusal| status::refused(&refusal))?;
-    let options = MeshOptions { voxel_metres: request.voxel_metres, question };
-    let file = export::file(&service.engine, map.snapshot(), format, options)
+    let text = (!request.text.is_empty()).then_some(&*request.text);
+    let options = check::mesh_options(request.voxel_metres, text)
+        .map_err(|refusal| status::refused(&refusal))?;
+    let file = export::file(context.maps.engine(), map.snapshot(), format, options)
         .await
         .map_err(|error| status::of_export(&error))?;
     let mut file = prost::bytes::Bytes::from(file);

@@ -1,179 +1,19 @@
-//! Edge in: gRPC. Wire messages come in, checked pipeline types go on, acknowledgements and answers
-//! go back.
+//! The gRPC interface: streams of frames in, acknowledgements and answers out.
 //!
-//! Every check of what a robot sends is in `convert`; the rest of this folder translates and
-//! decides nothing. Nothing here touches a live map.
+//! Messages are validated by `check`; this module translates between the wire and the pipeline. It
+//! reads maps through snapshots and statuses only.
 
 mod config;
-pub(crate) mod convert;
+mod context;
 mod maps;
 mod query;
+mod service;
 mod status;
 mod stream;
 
 pub use config::IngestConfig;
-
-use crate::pipeline::engine::Engine;
-use crate::store::Store;
-use convert::Limits;
-use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
-use lexsplat_proto::{DESCRIPTORS, v1};
-use std::sync::Arc;
-use std::time::Duration;
-use tokio::net::TcpListener;
-use tokio_stream::wrappers::ReceiverStream;
-use tokio_util::sync::CancellationToken;
-use tonic::codec::CompressionEncoding;
-use tonic::transport::server::TcpIncoming;
-use tonic::{Request, Response, Status, Streaming};
-
-/// Bytes of a piece of an exported file.
-const CHUNK_BYTES: usize = 256 << 10;
-/// Pieces of an exported file that wait for their reader.
-const CHUNK_BACKLOG: usize = 4;
-/// Calls that one connection may have open.
-const MAX_CALLS_PER_CONNECTION: u32 = 64;
-/// HTTP/2 flow-control window of a stream, bytes: about one raw frame may be under way.
-const STREAM_WINDOW_BYTES: u32 = 4 << 20;
-
-/// Why the gRPC server stopped.
-#[derive(Debug, thiserror::Error)]
-pub enum IngestError {
-    /// The reflection service does not start.
-    #[error("the wire messages' descriptors do not load")]
-    Reflection(#[from] tonic_reflection::server::Error),
-    /// The transport failed.
-    #[error("the gRPC listener failed")]
-    Transport(#[from] tonic::transport::Error),
-}
-
-/// The `lexsplat.v1.Mapping` service.
-#[derive(Clone)]
-pub struct MappingService {
-    engine: Arc<Engine>,
-    store: Store,
-    config: Arc<IngestConfig>,
-    limits: Limits,
-    stopping: CancellationToken,
-}
-
-impl MappingService {
-    /// A service in front of `engine`; streams end when `stopping` is cancelled.
-    pub fn new(
-        engine: Arc<Engine>,
-        store: Store,
-        config: &IngestConfig,
-        stopping: CancellationToken,
-    ) -> Self {
-        Self {
-            engine,
-            store,
-            limits: Limits::from(config),
-            config: Arc::new(config.clone()),
-            stopping,
-        }
-    }
-
-    /// Serves until the token is cancelled and every call has ended.
-    ///
-    /// # Errors
-    /// [`IngestError`].
-    pub async fn serve(self, listener: TcpListener) -> Result<(), IngestError> {
-        let (health, health_service) = tonic_health::server::health_reporter();
-        health.set_serving::<MappingServer<Self>>().await;
-        // Most clients still ask for the older of the two versions of reflection.
-        let reflection = || {
-            tonic_reflection::server::Builder::configure()
-                .register_encoded_file_descriptor_set(DESCRIPTORS)
-                .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-        };
-        let (reflection, older) = (reflection().build_v1()?, reflection().build_v1alpha()?);
-        let config = self.config.clone();
-        let stopping = self.stopping.clone();
-        let mapping = MappingServer::new(self)
-            .max_decoding_message_size(config.max_message_bytes)
-            .accept_compressed(CompressionEncoding::Gzip)
-            .accept_compressed(CompressionEncoding::Zstd);
-        tonic::transport::Server::builder()
-            .http2_keepalive_interval(Some(Duration::from_secs(config.keepalive_seconds)))
-            .http2_keepalive_timeout(Some(Duration::from_secs(config.keepalive_timeout_seconds)))
-            .max_concurrent_streams(MAX_CALLS_PER_CONNECTION)
-            .initial_stream_window_size(STREAM_WINDOW_BYTES)
-            .add_service(health_service)
-            .add_service(reflection)
-            .add_service(older)
-            .add_service(mapping)
-            .serve_with_incoming_shutdown(
-                TcpIncoming::from(listener).with_nodelay(Some(true)),
-                async move {
-                    stopping.cancelled().await;
-                    health.set_not_serving::<MappingServer<Self>>().await;
-                },
-            )
-            .await?;
-        Ok(())
-    }
-}
-
-#[tonic::async_trait]
-impl Mapping for MappingService {
-    type StreamFramesStream = ReceiverStream<Result<v1::FrameAck, Status>>;
-    type ExportMapStream = ReceiverStream<Result<v1::Chunk, Status>>;
-
-    async fn stream_frames(
-        &self,
-        request: Request<Streaming<v1::FrameMessage>>,
-    ) -> Result<Response<Self::StreamFramesStream>, Status> {
-        Ok(Response::new(stream::start(self.clone(), request.into_inner())))
-    }
-
-    async fn query(
-        &self,
-        request: Request<v1::QueryRequest>,
-    ) -> Result<Response<v1::QueryResponse>, Status> {
-        query::answer(self, request.into_inner()).await.map(Response::new)
-    }
-
-    async fn create_map(
-        &self,
-        request: Request<v1::CreateMapRequest>,
-    ) -> Result<Response<v1::MapStatus>, Status> {
-        maps::create(self, &request.into_inner().name).await.map(Response::new)
-    }
-
-    async fn get_map(
-        &self,
-        request: Request<v1::GetMapRequest>,
-    ) -> Result<Response<v1::MapStatus>, Status> {
-        let name = request.into_inner().name;
-        let map = self.engine.map(&name).map_err(|error| status::of_map(&error, "name"))?;
-        Ok(Response::new(maps::wire_status(map.status())))
-    }
-
-    async fn list_maps(
-        &self,
-        _request: Request<v1::ListMapsRequest>,
-    ) -> Result<Response<v1::ListMapsResponse>, Status> {
-        let maps = self.engine.maps().iter().map(|map| maps::wire_status(map.status())).collect();
-        Ok(Response::new(v1::ListMapsResponse { maps }))
-    }
-
-    async fn delete_map(
-        &self,
-        request: Request<v1::DeleteMapRequest>,
-    ) -> Result<Response<v1::DeleteMapResponse>, Status> {
-        let name = request.into_inner().name;
-        maps::delete(self, &name).await?;
-        Ok(Response::new(v1::DeleteMapResponse {}))
-    }
-
-    async fn export_map(
-        &self,
-        request: Request<v1::ExportRequest>,
-    ) -> Result<Response<Self::ExportMapStream>, Status> {
-        maps::export(self, request.into_inner()).await.map(Response::new)
-    }
-}
+pub use service::IngestError;
+pub(crate) use service::MappingService;
 
 #[cfg(test)]
 mod tests;

@@ -1,75 +1,45 @@
-//! Questions over gRPC: the same checks and answers as over HTTP.
+//! Answering questions over gRPC.
 
-use super::convert::question::{Asked, Question};
-use super::convert::{self, Refusal};
-use super::{MappingService, status};
-use crate::pipeline::query::{Answer, Heatmap, Object, ScoredPoint, Segmentation, Timing, View};
+use super::context::Context;
+use super::status;
+use crate::check::Question;
+use crate::export::extremes;
+use crate::pipeline::query::{Answer, Heatmap, Object, ScoredPoint, Segmentation, Timing};
+use crate::query_id::query_id;
 use crate::telemetry::QUERY_SECONDS;
 use lexsplat_proto::v1;
 use std::time::Instant;
 use tonic::Status;
 
 pub(super) async fn answer(
-    service: &MappingService,
+    context: &Context,
     request: v1::QueryRequest,
 ) -> Result<v1::QueryResponse, Status> {
     let started = Instant::now();
-    let map = service.engine.map(&request.map).map_err(|error| status::of_map(&error, "map"))?;
-    let view = view(request.view, service.limits.max_pixels).map_err(|r| status::refused(&r))?;
-    let question = Question {
-        text: request.text,
-        texts: request.texts,
-        negatives: request.negatives,
-        view,
-        outputs: request.outputs,
-        threshold: request.threshold,
-        smoothing_pixels: request.smoothing_pixels,
-        max_objects: request.max_objects,
-        near: request.near_metres.map(metres),
-        within: request.within.map(|within| {
-            [within.min_metres, within.max_metres].map(|corner| metres(corner.unwrap_or_default()))
-        }),
-    };
-    let asked = question.asked("smoothing_pixels").map_err(|r| status::refused(&r))?;
+    let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+    let question = Question::from_wire(request, &context.limits)
+        .map_err(|refusal| status::refused(&refusal))?;
+    let engine = context.maps.engine();
     let failed = |error| status::of_query(&error);
-    let response = match asked {
-        Asked::One(query) => {
+    let response = match question {
+        Question::Text(query) => {
             let text = query.text.clone();
-            let answer = service.engine.query(&map, query).await.map_err(failed)?;
-            response(answer, text, request.map)
+            let answer = engine.query(&map, query).await.map_err(failed)?;
+            response(answer, text, map.name().into())
         }
-        Asked::Several(contest) => {
+        Question::Texts(contest) => {
             let texts = contest.texts.clone();
-            let found = service.engine.segment(&map, contest).await.map_err(failed)?;
-            segmentation(found, texts, request.map)
+            let found = engine.segment(&map, contest).await.map_err(failed)?;
+            segmentation(found, texts, map.name().into())
         }
     };
     metrics::histogram!(QUERY_SECONDS, "edge" => "grpc").record(started.elapsed());
     Ok(response)
 }
 
-fn metres(point: v1::Vector3) -> [f32; 3] {
-    [point.x as f32, point.y as f32, point.z as f32]
-}
-
-fn view(wire: Option<v1::View>, max_pixels: u64) -> Result<Option<View>, Refusal> {
-    let camera = match wire.and_then(|view| view.view) {
-        None => return Ok(None),
-        Some(v1::view::View::Frame(sequence)) => return Ok(Some(View::Frame(sequence))),
-        Some(v1::view::View::Camera(camera)) => camera,
-    };
-    let missing = |part: &str| Refusal::new(format!("view.camera.{part}"), "missing");
-    let intrinsics = camera.intrinsics.ok_or_else(|| missing("intrinsics"))?;
-    let pose = camera.world_from_camera.ok_or_else(|| missing("world_from_camera"))?;
-    Ok(Some(View::Camera {
-        intrinsics: convert::wire_intrinsics("view.camera.intrinsics", &intrinsics, max_pixels)?,
-        world_from_camera: convert::wire_pose("view.camera.world_from_camera", &pose)?,
-    }))
-}
-
 fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
     v1::QueryResponse {
-        query_id: crate::http::query_id(),
+        query_id: query_id(),
         text,
         map,
         revision: answer.revision,
@@ -124,7 +94,7 @@ fn segmentation(found: Segmentation, texts: Vec<String>, map: String) -> v1::Que
         labels: points.iter().map(|point| point.label).collect(),
     });
     v1::QueryResponse {
-        query_id: crate::http::query_id(),
+        query_id: query_id(),
         map,
         revision: found.revision,
         coverage: found.coverage,
@@ -136,7 +106,7 @@ fn segmentation(found: Segmentation, texts: Vec<String>, map: String) -> v1::Que
 }
 
 fn heatmap(heatmap: Heatmap) -> v1::Heatmap {
-    let (min, max) = crate::export::extremes(&heatmap.values);
+    let (min, max) = extremes(&heatmap.values);
     let Heatmap { width, height, values } = heatmap;
     v1::Heatmap { width, height, min, max, values }
 }

@@ -1,13 +1,14 @@
 //! gRPC statuses: the standard codes, with `google.rpc.BadRequest` details that name the field.
 
-use super::convert::Refusal;
+use crate::check::Refusal;
 use crate::export::ExportError;
+use crate::maps::MapsError;
 use crate::pipeline::map::MapError;
 use crate::pipeline::query::QueryError;
 use prost::Message as _;
 use tonic::{Code, Status};
 
-/// `google.rpc.Status`, as it travels in `grpc-status-details-bin`.
+/// `google.rpc.Status`, the content of the header `grpc-status-details-bin`.
 #[derive(Clone, PartialEq, prost::Message)]
 struct RichStatus {
     #[prost(int32, tag = "1")]
@@ -43,7 +44,7 @@ struct FieldViolation {
     description: String,
 }
 
-/// A status that names the field at fault.
+/// A status with `BadRequest` details that name the field.
 pub(super) fn at_field(code: Code, message: &str, field: &str, description: &str) -> Status {
     let violation = FieldViolation { field: field.into(), description: description.into() };
     let detail = AnyMessage {
@@ -54,12 +55,20 @@ pub(super) fn at_field(code: Code, message: &str, field: &str, description: &str
     Status::with_details(code, message, rich.encode_to_vec().into())
 }
 
-/// `INVALID_ARGUMENT` for what did not pass a check.
+/// `INVALID_ARGUMENT` for a field that did not pass a check.
 pub(super) fn refused(refusal: &Refusal) -> Status {
     at_field(Code::InvalidArgument, &refusal.to_string(), &refusal.field, &refusal.reason)
 }
 
-/// For what a map answers; `field` is where its name stood.
+/// The status for an error of a recorded map; `field` is the path of the map's name in the request.
+pub(super) fn of_maps(error: &MapsError, field: &str) -> Status {
+    match error {
+        MapsError::Map(error) => of_map(error, field),
+        MapsError::Store(_) | MapsError::Panicked => Status::internal(error.to_string()),
+    }
+}
+
+/// The status for an error of a map; `field` is the path of the map's name in the request.
 pub(super) fn of_map(error: &MapError, field: &str) -> Status {
     let message = error.to_string();
     let (code, field) = match error {
@@ -74,7 +83,7 @@ pub(super) fn of_map(error: &MapError, field: &str) -> Status {
     at_field(code, &message, field, &message)
 }
 
-/// For a question without an answer.
+/// The status for a failed query.
 pub(super) fn of_query(error: &QueryError) -> Status {
     let message = error.to_string();
     match (error, error.field()) {
@@ -90,7 +99,7 @@ pub(super) fn of_query(error: &QueryError) -> Status {
     }
 }
 
-/// For a file that is not exported.
+/// The status for a failed export.
 pub(super) fn of_export(error: &ExportError) -> Status {
     let message = error.to_string();
     match error {

@@ -1,16 +1,18 @@
-//! One `StreamFrames` call: frames in, acknowledgements out, in order.
+//! One `StreamFrames` call: frames in, acknowledgements out, in the same order.
 //!
-//! Two tasks. The reader takes a message, checks and decodes it off the async threads, writes it to
-//! the map's log and hands it to the mapper; the acknowledger waits for each outcome in turn.
-//! Between them is a bounded queue, and behind the acknowledger another: when the mapper's queue is
-//! full, or the sender does not read its acknowledgements, the reader stops reading and HTTP/2 flow
-//! control makes the sender wait.
+//! Two tasks serve a stream. The reader takes a message, checks and decodes it on a blocking thread,
+//! writes it to the map's log and gives it to the mapper. The acknowledger waits for the outcome of
+//! each frame and sends the acknowledgement. The queues between the tasks are bounded: when the
+//! mapper's queue is full, or the sender does not read its acknowledgements, the reader stops
+//! reading, and HTTP/2 flow control makes the sender wait.
 
-use super::convert::{self, Opening, Refusal};
-use super::{MappingService, status};
+use super::context::Context;
+use super::status;
+use crate::check::{self, Opening, Refusal};
+use crate::maps::Recording;
 use crate::pipeline::frame::{FrameOutcome, TrackingState};
-use crate::pipeline::map::{Map, SenderGuard};
-use crate::store::Log;
+use crate::pipeline::map::Map;
+use crate::store::{Log, StoreError};
 use crate::telemetry::{DECODE_SECONDS, FRAME_SECONDS, REFUSED, STREAMS};
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, frame_message::Message};
 use nalgebra::Isometry3;
@@ -22,27 +24,27 @@ use tonic::{Code, Status, Streaming};
 
 type Acks = mpsc::Sender<Result<FrameAck, Status>>;
 
-/// What the acknowledger is told, in the order of the frames.
+/// What the reader tells the acknowledger, in the order of the frames.
 enum Pending {
     /// The answer to the opening message.
     Opened,
-    /// Waits for the mapper.
+    /// A frame that the mapper has or will get.
     Accepted { sequence: u64, since: Instant, outcome: oneshot::Receiver<FrameOutcome> },
-    /// Did not pass.
+    /// A frame that did not pass the checks.
     Refused { sequence: u64, refusal: Refusal },
 }
 
-/// Starts both tasks; the stream ends when they have.
+/// Starts both tasks; the returned stream ends when they have ended.
 pub(super) fn start(
-    service: MappingService,
+    context: Context,
     inbound: Streaming<v1::FrameMessage>,
 ) -> ReceiverStream<Result<FrameAck, Status>> {
-    let (acks, stream) = mpsc::channel(service.config.ack_backlog);
+    let (acks, stream) = mpsc::channel(context.config.ack_backlog);
     tokio::spawn(async move {
         metrics::gauge!(STREAMS).increment(1.0);
-        if let Err(status) = converse(service, inbound, &acks).await {
+        if let Err(status) = converse(context, inbound, &acks).await {
             tracing::info!(code = ?status.code(), reason = status.message(), "a stream ended");
-            // An error means that the sender has gone already.
+            // If this fails, the sender has disconnected.
             let _ = acks.send(Err(status)).await;
         }
         metrics::gauge!(STREAMS).decrement(1.0);
@@ -51,66 +53,60 @@ pub(super) fn start(
 }
 
 async fn converse(
-    service: MappingService,
+    context: Context,
     mut inbound: Streaming<v1::FrameMessage>,
     acks: &Acks,
 ) -> Result<(), Status> {
-    let (guard, opening, log) = open(&service, &mut inbound).await?;
-    let (pending, waiting) = mpsc::channel(service.config.ack_backlog);
-    let patience = Duration::from_secs(service.config.ack_seconds);
-    let acknowledger = Acknowledger { map: guard.map().clone(), log: log.clone(), patience };
+    let (recording, opening) = open(&context, &mut inbound).await?;
+    let (pending, waiting) = mpsc::channel(context.config.ack_backlog);
+    let acknowledger = Acknowledger {
+        map: recording.map().clone(),
+        log: recording.log().cloned(),
+        ack_timeout: Duration::from_secs(context.config.ack_seconds),
+    };
     let acknowledging = tokio::spawn(acknowledger.run(waiting, acks.clone()));
-    let mut reader =
-        Reader { newest: guard.map().received_through(), guard, opening, log, pending };
-    let read = reader.run(&service, inbound).await;
-    reader.write_out().await;
-    // Gives the sender's place back and lets the acknowledger finish what is in hand.
+    let newest = recording.map().received_through();
+    let mut reader = Reader { recording, opening, newest, pending };
+    let read = reader.run(&context, inbound).await;
+    reader.flush_log().await;
+    // Frees the map for another sender and lets the acknowledger finish its queue.
     drop(reader);
     let acknowledged = acknowledging.await.map_err(|_| Status::internal("a stream panicked"))?;
     acknowledged.and(read)
 }
 
-/// Takes the opening message and the map's one place for a sender.
+/// Reads the opening message and opens the map that it names.
 async fn open(
-    service: &MappingService,
+    context: &Context,
     inbound: &mut Streaming<v1::FrameMessage>,
-) -> Result<(SenderGuard, Opening, Option<Arc<Log>>), Status> {
-    let patience = Duration::from_secs(service.config.open_seconds);
+) -> Result<(Recording, Opening), Status> {
+    let limit = Duration::from_secs(context.config.open_seconds);
     let first = tokio::select! {
-        first = tokio::time::timeout(patience, inbound.message()) => first,
-        () = service.stopping.cancelled() => return Err(stopping()),
+        first = tokio::time::timeout(limit, inbound.message()) => first,
+        () = context.stopping.cancelled() => return Err(stopping()),
     };
-    let first = first.map_err(|_| {
-        Status::deadline_exceeded(format!("no opening message within {patience:?}"))
-    })??;
+    let first = first
+        .map_err(|_| Status::deadline_exceeded(format!("no opening message within {limit:?}")))??;
     let open = match first.and_then(|message| message.message) {
         Some(Message::Open(open)) => open,
-        Some(Message::Frame(_)) => return Err(out_of_place("open", "a frame came before it")),
+        Some(Message::Frame(_)) => return Err(out_of_place("open", "a frame came first")),
         None => return Err(out_of_place("open", "the stream is empty")),
     };
     let opening =
-        convert::opening(&open, &service.limits).map_err(|refusal| status::refused(&refusal))?;
-    let engine = service.engine.clone();
-    let name = open.map.clone();
-    // Making a map takes device memory and a thread.
-    let map = tokio::task::spawn_blocking(move || engine.open(&name))
-        .await
-        .map_err(|_| Status::internal("opening the map panicked"))?
-        .map_err(|error| status::of_map(&error, "map"))?;
-    let guard = map.claim(opening.intrinsics).map_err(|error| status::of_map(&error, "map"))?;
-    let log =
-        service.store.log(&open).await.map_err(|error| Status::internal(error.to_string()))?;
-    tracing::info!(map = map.name(), camera = ?opening.intrinsics, "a stream opened");
-    Ok((guard, opening, log))
+        check::opening(&open, &context.limits).map_err(|refusal| status::refused(&refusal))?;
+    let recording =
+        context.maps.open(&open, &opening).await.map_err(|error| status::of_maps(&error, "map"))?;
+    tracing::info!(map = open.map, camera = ?opening.intrinsics, "a stream opened");
+    Ok((recording, opening))
 }
 
 fn out_of_place(field: &str, reason: &str) -> Status {
-    let message = format!("the first message opens the map and the rest are frames: {reason}");
+    let message = format!("expected one opening message, then frames: {reason}");
     status::at_field(Code::InvalidArgument, &message, field, reason)
 }
 
 fn stopping() -> Status {
-    Status::unavailable("the server is stopping; what was acknowledged is in the map")
+    Status::unavailable("the server is stopping; acknowledged frames are in the map")
 }
 
 fn unread() -> Status {
@@ -118,43 +114,46 @@ fn unread() -> Status {
 }
 
 struct Reader {
-    guard: SenderGuard,
+    recording: Recording,
     opening: Opening,
-    log: Option<Arc<Log>>,
+    /// Sequence of the last accepted frame.
     newest: Option<u64>,
     pending: mpsc::Sender<Pending>,
 }
 
 impl Reader {
-    /// Reads until the sender is done, the server stops or somebody fails.
+    /// Reads until the sender ends the stream, the server stops or an error occurs.
     async fn run(
         &mut self,
-        service: &MappingService,
+        context: &Context,
         mut inbound: Streaming<v1::FrameMessage>,
     ) -> Result<(), Status> {
         self.tell(Pending::Opened).await?;
         loop {
             let message = tokio::select! {
                 message = inbound.message() => message?,
-                () = service.stopping.cancelled() => return Err(stopping()),
+                () = context.stopping.cancelled() => return Err(stopping()),
                 () = self.pending.closed() => return Err(unread()),
             };
             let Some(message) = message else { return Ok(()) };
             let told = match message.message {
-                Some(Message::Frame(frame)) => self.take(service, frame).await?,
-                Some(Message::Open(_)) => return Err(out_of_place("open", "it came twice")),
+                Some(Message::Frame(frame)) => self.accept(context, frame).await?,
+                Some(Message::Open(_)) => {
+                    return Err(out_of_place("open", "a second opening message came"));
+                }
                 None => self.refuse(0, Refusal::new("message", "expected a frame, found nothing")),
             };
             self.tell(told).await?;
         }
     }
 
-    async fn take(&mut self, service: &MappingService, wire: v1::Frame) -> Result<Pending, Status> {
+    /// Checks and records a frame, then gives it to the mapper.
+    async fn accept(&mut self, context: &Context, wire: v1::Frame) -> Result<Pending, Status> {
         let started = Instant::now();
-        let (opening, newest, limits) = (self.opening.clone(), self.newest, service.limits);
+        let (opening, newest, limits) = (self.opening.clone(), self.newest, context.limits);
         let sequence = wire.sequence;
         let (wire, checked) = tokio::task::spawn_blocking(move || {
-            let checked = convert::frame(&wire, &opening, newest, &limits);
+            let checked = check::frame(&wire, &opening, newest, &limits);
             (wire, checked)
         })
         .await
@@ -164,26 +163,26 @@ impl Reader {
             Ok(frame) => frame,
             Err(refusal) => return Ok(self.refuse(sequence, refusal)),
         };
-        if let Some(log) = &self.log {
+        if let Some(log) = self.recording.log() {
             log.append(wire).await.map_err(|error| Status::internal(error.to_string()))?;
         }
         self.newest = Some(sequence);
         let since = Instant::now();
-        let map = self.guard.map();
+        let map = self.recording.map();
         let outcome = map.submit(frame).await.map_err(|error| status::of_map(&error, "map"))?;
         Ok(Pending::Accepted { sequence, since, outcome })
     }
 
-    /// Waits until the log is written, so that the map's next sender finds it whole.
-    async fn write_out(&self) {
-        if let (Some(log), Some(newest)) = (&self.log, self.newest) {
-            // A log that failed has nothing left to write.
+    /// Waits until the log has every accepted frame: the map's next sender reads it.
+    async fn flush_log(&self) {
+        if let (Some(log), Some(newest)) = (self.recording.log(), self.newest) {
+            // A log that failed writes nothing more.
             let _ = log.durable(newest).await;
         }
     }
 
     fn refuse(&self, sequence: u64, refusal: Refusal) -> Pending {
-        self.guard.map().count_refused();
+        self.recording.map().count_refused();
         metrics::counter!(REFUSED, "field" => refusal.field.clone()).increment(1);
         Pending::Refused { sequence, refusal }
     }
@@ -196,15 +195,16 @@ impl Reader {
 struct Acknowledger {
     map: Arc<Map>,
     log: Option<Arc<Log>>,
-    patience: Duration,
+    /// How long the sender may take to read an acknowledgement.
+    ack_timeout: Duration,
 }
 
 impl Acknowledger {
-    /// Answers in order until the reader is done.
+    /// Sends acknowledgements until the reader has ended.
     async fn run(self, mut waiting: mpsc::Receiver<Pending>, acks: Acks) -> Result<(), Status> {
         while let Some(pending) = waiting.recv().await {
             let ack = self.ack(pending).await?;
-            let sent = tokio::time::timeout(self.patience, acks.send(Ok(ack))).await;
+            let sent = tokio::time::timeout(self.ack_timeout, acks.send(Ok(ack))).await;
             if !matches!(sent, Ok(Ok(()))) {
                 return Err(unread());
             }
@@ -232,8 +232,7 @@ impl Acknowledger {
                 let outcome = outcome.await.map_err(|_| self.mapper_gone(sequence))?;
                 metrics::histogram!(FRAME_SECONDS).record(since.elapsed());
                 if let Some(log) = &self.log {
-                    let failed =
-                        |error: crate::store::StoreError| Status::internal(error.to_string());
+                    let failed = |error: StoreError| Status::internal(error.to_string());
                     log.durable(sequence).await.map_err(failed)?;
                 }
                 outcome_ack(&outcome)

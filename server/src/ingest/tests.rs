@@ -1,13 +1,19 @@
 //! Streams over a real socket, in front of a real pipeline.
 
-use super::*;
+use super::{IngestConfig, MappingService};
+use crate::maps::{RecordedMaps, replay};
+use crate::store::Store;
 use crate::test_support::{CAMERA, config, engine};
 use lexsplat_proto::v1::mapping_client::MappingClient;
-use lexsplat_proto::v1::{FrameAck, FrameStatus, OpenMap, frame_message::Message};
+use lexsplat_proto::v1::{self, FrameAck, FrameStatus, OpenMap, frame_message::Message};
 use std::path::Path;
+use std::time::Duration;
+use tokio::net::TcpListener;
 use tokio::sync::mpsc;
-use tonic::Code;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_util::sync::CancellationToken;
 use tonic::transport::Channel;
+use tonic::{Code, Status, Streaming};
 
 struct Server {
     client: MappingClient<Channel>,
@@ -22,7 +28,8 @@ impl Server {
         let store = Store::open(data_dir).unwrap();
         // So that a sender which does not read is found out soon.
         let config = IngestConfig { ack_seconds: 1, ..config().ingest };
-        let service = MappingService::new(engine(), store, &config, stopping.clone());
+        let maps = RecordedMaps::new(engine(), store);
+        let service = MappingService::new(maps, &config, stopping.clone());
         tokio::spawn(service.serve(listener));
         let client = MappingClient::connect(format!("http://{address}")).await.unwrap();
         Self { client, stopping }
@@ -222,8 +229,8 @@ async fn durable_frames_come_back_after_a_restart() {
     // As after a crash: the map is gone, its log is not.
     engine().delete("ingest-durable").await.unwrap();
     let store = Store::open(Some(folder.path())).unwrap();
-    let limits = Limits::from(&config().ingest);
-    crate::store::replay(&store, &engine(), &limits).await.unwrap();
+    let maps = RecordedMaps::new(engine(), store);
+    replay(&maps, &config().ingest.limits()).await.unwrap();
     let map = engine().map("ingest-durable").unwrap();
     assert_eq!((map.received_through(), map.status().frames_received), (Some(3), 3));
     let (stream, opened) = server.opened("ingest-durable").await;

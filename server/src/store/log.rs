@@ -1,32 +1,27 @@
-//! One map's log: appending, group commit, reading back.
+//! The open log of one map: appending with group commit.
 
-use super::StoreError;
+use super::error::StoreError;
+use super::record::{cut_torn_tail, write_record};
 use lexsplat_proto::v1::{self, FrameMessage, frame_message::Message};
-use prost::Message as _;
-use sha2::{Digest as _, Sha256};
 use std::fs::{File, OpenOptions};
-use std::io::{BufReader, Read, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use tokio::sync::{mpsc, watch};
 
-/// Frames that wait to be written; when full their sender waits.
+/// Capacity of the queue of frames to write; when it is full the sender waits.
 const APPEND_BACKLOG: usize = 16;
-/// Length and checksum.
-const HEADER_BYTES: usize = 4 + 8;
-/// A length above this is no record's: larger than any message that is taken.
-const MAX_RECORD_BYTES: usize = 1 << 30;
 
+/// Sequence of the newest durable frame, or why writing failed.
 type Durability = Result<Option<u64>, String>;
 
-/// An open log. Dropping it writes what waits.
-pub struct Log {
+/// An open log. Frames still in the queue are written after it is dropped.
+pub(crate) struct Log {
     path: PathBuf,
     frames: mpsc::Sender<v1::Frame>,
     durable: watch::Receiver<Durability>,
 }
 
 impl Log {
-    /// Opens or makes the log at `path`, cuts a torn tail, and notes that `open` begins here.
+    /// Opens or creates the log at `path`, cuts off an incomplete record, and appends `open`.
     pub(super) fn open(path: PathBuf, open: v1::OpenMap) -> Result<Self, StoreError> {
         let newest = match path.exists() {
             true => cut_torn_tail(&path)?,
@@ -50,19 +45,19 @@ impl Log {
         Ok(Self { path, frames, durable })
     }
 
-    /// Hands over a frame to be written; waits while too many wait.
+    /// Puts a frame into the queue; waits while the queue is full.
     ///
     /// # Errors
-    /// [`StoreError::Failed`] if an earlier one could not be written.
-    pub async fn append(&self, frame: v1::Frame) -> Result<(), StoreError> {
+    /// [`StoreError::Failed`] if an earlier frame could not be written.
+    pub(crate) async fn append(&self, frame: v1::Frame) -> Result<(), StoreError> {
         self.frames.send(frame).await.map_err(|_| self.failed())
     }
 
-    /// Waits until the frame is durable.
+    /// Waits until the frame with this sequence is durable.
     ///
     /// # Errors
     /// [`StoreError::Failed`] if it could not be written.
-    pub async fn durable(&self, sequence: u64) -> Result<(), StoreError> {
+    pub(crate) async fn durable(&self, sequence: u64) -> Result<(), StoreError> {
         let reached = |state: &Durability| match state {
             Ok(through) => through.is_some_and(|through| through >= sequence),
             Err(_) => true,
@@ -73,21 +68,21 @@ impl Log {
         }
     }
 
-    /// The newest sequence that is durable.
-    pub fn durable_through(&self) -> Option<u64> {
+    /// Sequence of the newest durable frame.
+    pub(crate) fn durable_through(&self) -> Option<u64> {
         self.durable.borrow().as_ref().ok().copied().flatten()
     }
 
     fn failed(&self) -> StoreError {
         let reason = match &*self.durable.borrow() {
             Err(reason) => reason.clone(),
-            Ok(_) => "its thread ended".into(),
+            Ok(_) => "the log's thread ended".into(),
         };
         StoreError::Failed { path: self.path.clone(), reason }
     }
 }
 
-/// The log's thread: appends what waits, makes it durable, says so.
+/// Body of the log's thread: appends queued frames, syncs, reports the newest durable sequence.
 fn append_until_closed(
     file: &mut File,
     mut waiting: mpsc::Receiver<v1::Frame>,
@@ -104,7 +99,7 @@ fn append_until_closed(
     }
 }
 
-/// Writes `first` and all that wait behind it, then syncs once; the newest sequence.
+/// Writes `first` and all queued frames, then syncs once; returns the newest sequence.
 fn append_group(
     file: &mut File,
     first: v1::Frame,
@@ -121,95 +116,15 @@ fn append_group(
     Ok(newest)
 }
 
-fn write_record(file: &mut File, message: &FrameMessage) -> std::io::Result<()> {
-    let payload = message.encode_to_vec();
-    let length = u32::try_from(payload.len())
-        .map_err(|_| std::io::Error::other("a message is longer than a record may be"))?;
-    let mut record = Vec::with_capacity(HEADER_BYTES + payload.len());
-    record.extend(length.to_le_bytes());
-    record.extend(checksum(&payload));
-    record.extend(payload);
-    file.write_all(&record)
-}
-
-fn checksum(payload: &[u8]) -> [u8; 8] {
-    let digest = Sha256::digest(payload);
-    std::array::from_fn(|at| digest[at])
-}
-
-/// A new file's name is durable only when its directory is.
+/// Syncs the directory of `path`: without it a new file may be lost in a crash.
 fn sync_directory(path: &Path) -> std::io::Result<()> {
     path.parent().map_or(Ok(()), |directory| File::open(directory)?.sync_all())
-}
-
-/// Reads a log's records until its end or the first that is torn.
-pub(super) struct Records {
-    path: PathBuf,
-    file: BufReader<File>,
-    /// Bytes of whole records read so far.
-    pub(super) whole_bytes: u64,
-}
-
-impl Records {
-    pub(super) fn open(path: &Path) -> Result<Self, StoreError> {
-        let file = File::open(path).map_err(|reason| StoreError::io("open", path, reason))?;
-        Ok(Self { path: path.to_owned(), file: BufReader::new(file), whole_bytes: 0 })
-    }
-
-    /// The next record; `None` at the end and before a torn one.
-    pub(super) fn next(&mut self) -> Result<Option<Message>, StoreError> {
-        let failed = |reason| StoreError::io("read", &self.path, reason);
-        let mut header = [0; HEADER_BYTES];
-        if !filled(&mut self.file, &mut header).map_err(failed)? {
-            return Ok(None);
-        }
-        let [a, b, c, d, sum @ ..] = header;
-        let length = u32::from_le_bytes([a, b, c, d]) as usize;
-        if length > MAX_RECORD_BYTES {
-            return Ok(None);
-        }
-        let mut payload = Vec::new();
-        let mut rest = (&mut self.file).take(length as u64);
-        rest.read_to_end(&mut payload).map_err(failed)?;
-        if payload.len() < length || checksum(&payload) != sum {
-            return Ok(None);
-        }
-        self.whole_bytes += (HEADER_BYTES + length) as u64;
-        Ok(FrameMessage::decode(&payload[..]).ok().and_then(|message| message.message))
-    }
-}
-
-/// Whether the buffer could be filled; false at the end of the file.
-fn filled(file: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<bool> {
-    match file.read_exact(buffer) {
-        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
-        other => other.map(|()| true),
-    }
-}
-
-/// Cuts what is torn off the end; the sequence of the newest frame that is whole.
-pub(super) fn cut_torn_tail(path: &Path) -> Result<Option<u64>, StoreError> {
-    let failed = |reason| StoreError::io("cut the torn end off", path, reason);
-    let mut records = Records::open(path)?;
-    let mut newest = None;
-    while let Some(message) = records.next()? {
-        if let Message::Frame(frame) = message {
-            newest = Some(frame.sequence);
-        }
-    }
-    let mut file = OpenOptions::new().write(true).open(path).map_err(failed)?;
-    let length = file.seek(SeekFrom::End(0)).map_err(failed)?;
-    if length > records.whole_bytes {
-        let cut_bytes = length - records.whole_bytes;
-        tracing::warn!(log = %path.display(), cut_bytes, "a torn end was cut off a frame log");
-        file.set_len(records.whole_bytes).and_then(|()| file.sync_all()).map_err(failed)?;
-    }
-    Ok(newest)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::record::Records;
 
     fn open_message() -> v1::OpenMap {
         v1::OpenMap { map: "kitchen".into(), depth_unit_metres: 0.001, ..Default::default() }

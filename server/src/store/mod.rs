@@ -1,79 +1,60 @@
-//! The log of accepted frames: what an acknowledgement's `durable_through` stands for.
+//! Logs of accepted frames, so that maps survive a crash or a restart of the server.
 //!
 //! In: opening messages and accepted frames, as they came over the wire. Out: one append-only file
-//! per map, `NAME.log`, under the data directory, and the maps rebuilt from them at the next start.
-//! A record is 4 bytes of length, 8 of checksum (both little-endian; the checksum is the start of the
-//! payload's SHA-256) and a `FrameMessage`. One thread per open log appends what waits and
-//! makes it durable with one `fsync` (group commit). A tail that was cut off while it was written is
-//! cut at the next start. Without a data directory nothing is kept, and nobody is told otherwise.
+//! for each map, `NAME.log`, in the data directory. Without a data directory nothing is recorded.
+//!
+//! A record is 4 bytes of length, 8 bytes of checksum (the start of the payload's SHA-256) and a
+//! `FrameMessage`; length and checksum are little-endian. One thread for each open log appends all
+//! waiting frames and makes them durable with one `fsync` (group commit). A record that was only
+//! partly written is cut off when the log is opened again.
 
+mod error;
 mod log;
-mod replay;
+mod record;
 
-pub use log::Log;
-pub use replay::replay;
+pub(crate) use error::StoreError;
+pub(crate) use log::Log;
+pub(crate) use record::Records;
 
 use lexsplat_proto::v1;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What the name of a map's log ends with.
+/// Extension of log files.
 const EXTENSION: &str = "log";
 
-/// Why frames cannot be kept or read back.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// The system refused.
-    #[error("cannot {action} {path}: {reason}")]
-    Io {
-        /// What was tried.
-        action: &'static str,
-        /// On which file.
-        path: PathBuf,
-        /// What the system says.
-        reason: Arc<std::io::Error>,
-    },
-    /// The log's thread ended because of an earlier failure.
-    #[error("the log {path} failed earlier: {reason}")]
-    Failed {
-        /// The log.
-        path: PathBuf,
-        /// Its failure.
-        reason: String,
-    },
-}
-
-impl StoreError {
-    fn io(action: &'static str, path: &Path, reason: std::io::Error) -> Self {
-        Self::Io { action, path: path.to_owned(), reason: Arc::new(reason) }
-    }
-}
-
-/// Where logs are kept, if anywhere. Cheap to clone.
+/// The data directory with the logs. Cheap to clone.
 #[derive(Clone, Default)]
-pub struct Store {
+pub(crate) struct Store {
+    /// `None`: nothing is recorded.
     root: Option<Arc<PathBuf>>,
 }
 
+/// The log of a map, not opened.
+pub(crate) struct LogFile {
+    pub(crate) map: String,
+    path: PathBuf,
+}
+
 impl Store {
-    /// A store in `directory`, which is made if it is not there; `None` keeps nothing.
+    /// A store in `directory`, which is created if needed; with `None` nothing is recorded.
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub fn open(directory: Option<&Path>) -> Result<Self, StoreError> {
+    pub(crate) fn open(directory: Option<&Path>) -> Result<Self, StoreError> {
         let Some(directory) = directory else { return Ok(Self::default()) };
         std::fs::create_dir_all(directory)
-            .map_err(|reason| StoreError::io("make the data directory", directory, reason))?;
+            .map_err(|reason| StoreError::io("create the data directory", directory, reason))?;
         Ok(Self { root: Some(Arc::new(directory.to_owned())) })
     }
 
-    /// The log of the map that `open` opens, ready to append to; `None` if nothing is kept.
+    /// Opens the log of the map that `open` names; `None` if nothing is recorded.
     ///
-    /// Only the map's one sender may hold it.
+    /// Only the map's one sender may call this.
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub async fn log(&self, open: &v1::OpenMap) -> Result<Option<Arc<Log>>, StoreError> {
+    pub(crate) async fn log(&self, open: &v1::OpenMap) -> Result<Option<Arc<Log>>, StoreError> {
         let Some(root) = &self.root else { return Ok(None) };
         let path = log_path(root, &open.map);
         let open = open.clone();
@@ -87,7 +68,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub async fn forget(&self, map: &str) -> Result<(), StoreError> {
+    pub(crate) async fn forget(&self, map: &str) -> Result<(), StoreError> {
         let Some(root) = &self.root else { return Ok(()) };
         let path = log_path(root, map);
         match tokio::fs::remove_file(&path).await {
@@ -98,23 +79,39 @@ impl Store {
         }
     }
 
-    /// Names of the maps that have logs, in order.
-    fn maps(&self) -> Result<Vec<String>, StoreError> {
+    /// All logs, sorted by the names of their maps.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn logs(&self) -> Result<Vec<LogFile>, StoreError> {
         let Some(root) = &self.root else { return Ok(Vec::new()) };
         let failed = |reason| StoreError::io("list", root, reason);
-        let mut names = Vec::new();
+        let mut logs = Vec::new();
         for entry in std::fs::read_dir(root.as_path()).map_err(failed)? {
             let path = entry.map_err(failed)?.path();
             if path.extension().is_some_and(|extension| extension == EXTENSION) {
-                names.extend(path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned));
+                let map = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
+                logs.extend(map.map(|map| LogFile { map, path }));
             }
         }
-        names.sort();
-        Ok(names)
+        logs.sort_by(|a, b| a.map.cmp(&b.map));
+        Ok(logs)
     }
 }
 
-/// `map` is a name that the engine has checked: it has no separators and no dot first.
+impl LogFile {
+    /// Opens the log for reading, after cutting off a record that was only partly written.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn records(&self) -> Result<Records, StoreError> {
+        record::cut_torn_tail(&self.path)?;
+        Records::open(&self.path)
+    }
+}
+
+/// Path of a map's log. The engine has checked the name: it has no path separators and does not start
+/// with a dot.
 fn log_path(root: &Path, map: &str) -> PathBuf {
     root.join(format!("{map}.{EXTENSION}"))
 }

@@ -6,7 +6,7 @@ use super::table::{Align, table};
 use anyhow::{Context as _, Result};
 use image::{Rgb, RgbImage};
 use lexsplat_client::http::{
-    Answer, Bounds, FrameView, HttpClient, Keyframe, Object, PixelBox, Question,
+    Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, View, project,
 };
 use lexsplat_client::npy;
 use lexsplat_evaluate::overlay;
@@ -82,7 +82,7 @@ pub async fn run(arguments: &Query) -> Result<()> {
         (None, Some(object)) => {
             let frames = client.frames(map).await?;
             if let Some(view) = best_view(&frames, object.center.map(f64::from)) {
-                let view_of = Some(FrameView { frame: view.sequence });
+                let view_of = Some(View::of_frame(view.sequence));
                 let question = Question { view: view_of, near: None, within: None, ..question };
                 let seen = client.query(map, &question).await?;
                 pictures(&client, &seen, view.sequence, out).await?;
@@ -98,21 +98,20 @@ pub async fn run(arguments: &Query) -> Result<()> {
 impl Query {
     fn question(&self) -> Question {
         let (text, texts) = match &self.texts[..] {
-            [text] => (text.clone(), Vec::new()),
-            several => (String::new(), several.to_vec()),
+            [text] => (Some(text.clone()), None),
+            several => (None, Some(several.to_vec())),
         };
         Question {
             text,
             texts,
-            negatives: self.negatives.clone(),
-            view: self.frame.map(|frame| FrameView { frame }),
+            negatives: (!self.negatives.is_empty()).then(|| self.negatives.clone()),
+            view: self.frame.map(View::of_frame),
             threshold: self.threshold,
             near: self.near,
             within: self
                 .within
                 .map(|[x0, y0, z0, x1, y1, z1]| Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
-            smoothing: None,
-            max_objects: None,
+            ..Question::default()
         }
     }
 }
@@ -132,7 +131,7 @@ pub fn best_object(answer: &Answer) -> Option<&Object> {
 /// The keyframe that sees a point well: near its middle and from a good distance.
 fn best_view(frames: &[Keyframe], point: [f64; 3]) -> Option<&Keyframe> {
     let cost = |frame: &Keyframe| {
-        let [u, v, z] = frame.project(point)?;
+        let [u, v, z] = project(frame, point)?;
         let (width, height) = (f64::from(frame.camera.width), f64::from(frame.camera.height));
         let off = (u / width - 0.5).hypot(v / height - 0.5);
         Some(off + (z / GOOD_DISTANCE_METRES).ln().abs())
@@ -284,10 +283,10 @@ mod tests {
     #[test]
     fn texts_places_and_negatives_are_read() {
         let one = line(&["cup", "--near", "-1,2.5,0", "--not", "mug"]).unwrap();
-        assert_eq!((one.text.as_str(), one.near), ("cup", Some([-1.0, 2.5, 0.0])));
-        assert_eq!(one.negatives, ["mug"]);
+        assert_eq!((one.text.as_deref(), one.near), (Some("cup"), Some([-1.0, 2.5, 0.0])));
+        assert_eq!(one.negatives.unwrap(), ["mug"]);
         let several = line(&["cup", "sofa", "--frame", "3"]).unwrap();
-        assert!(several.text.is_empty() && several.texts == ["cup", "sofa"]);
+        assert!(several.text.is_none() && several.texts.unwrap() == ["cup", "sofa"]);
         let within = line(&["cup", "--within", "0,0,0,1,2,3"]).unwrap().within.unwrap();
         assert_eq!(within.max, [1.0, 2.0, 3.0]);
         for wrong in [&[][..], &["cup", "--near", "1,2"], &["cup", "--within", "0,0,0,1,2,x"]] {
@@ -299,6 +298,7 @@ mod tests {
     fn keyframe(sequence: u64, at: [f64; 3]) -> Keyframe {
         let [x, y, z] = at;
         serde_json::from_value(json!({"sequence": sequence, "has_language": true,
+            "timestamp": 0.0, "timestamp_nanos": 0,
             "world_from_camera": [0, 0, 1, x, -1, 0, 0, y, 0, -1, 0, z, 0, 0, 0, 1],
             "camera": {"width": 65, "height": 49, "fx": 50, "fy": 50, "cx": 32, "cy": 24}}))
         .unwrap()

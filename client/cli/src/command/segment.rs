@@ -36,11 +36,12 @@ pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     if let Some(link) = &found.points {
         save(&out.join("points.ply"), &client.points_ply(link).await?)?;
     }
-    if let (Some(link), Some(view)) = (&found.labels, question.view) {
+    let frame = question.view.as_ref().and_then(|view| view.frame);
+    if let (Some(link), Some(frame)) = (&found.labels, frame) {
         let png = client.labels(link, "image/png").await?;
         save(&out.join("labels.png"), &png)?;
         save(&out.join("labels.npy"), &client.labels(link, "application/x-npy").await?)?;
-        let render = client.render_png(map, view.frame).await?;
+        let render = client.render_png(map, frame).await?;
         let render = image::load_from_memory(&render).context("the server's picture")?.to_rgb8();
         let labels = image::load_from_memory(&png).context("the server's labels")?.to_rgba8();
         let path = out.join("overlay.png");

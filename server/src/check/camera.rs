@@ -1,26 +1,41 @@
-//! Checks of cameras and poses, for frames, queries and renders alike.
-//!
-//! In: numbers as they came, pixels and metres. Out: [`Intrinsics`] and rigid transforms, or a
-//! [`Refusal`] that names the number.
+//! Cameras and poses, for frames, queries and rendered images.
 
-use super::Refusal;
+use super::refusal::Refusal;
 use crate::pipeline::frame::Intrinsics;
+use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Focal lengths are between these many image sides: views of 0.6 to 168 degrees.
+/// Range of the focal length in image sides: fields of view from 168 down to 0.6 degrees.
 const FOCAL_SIDES: std::ops::RangeInclusive<f64> = 0.05..=100.0;
-/// The principal point is at most this many image sides outside the image.
+/// How far the principal point may lie outside the image, in image sides.
 const PRINCIPAL_SIDES_OUTSIDE: f64 = 1.0;
-/// A rotation's norm, rows and determinant are off by at most this.
+/// Largest error of a rotation: of the quaternion's norm, and of each entry of R Rᵀ - I.
 const RIGID_TOLERANCE: f64 = 1e-3;
-/// Positions are at most this far from the origin, metres: single precision would be coarse there.
+/// Largest coordinate of a position, metres. Single precision is too coarse beyond it.
 const MAX_COORDINATE_METRES: f64 = 1e5;
 
-/// Checks a pinhole camera.
+/// Checks pinhole intrinsics from a gRPC message; `field` is their path in the message.
 ///
 /// # Errors
-/// [`Refusal`] names the number at fault, as a part of `field`.
-pub fn intrinsics(field: &str, camera: Intrinsics, max_pixels: u64) -> Result<Intrinsics, Refusal> {
+/// [`Refusal`] names the number.
+pub(super) fn from_wire(
+    field: &str,
+    wire: &v1::Intrinsics,
+    max_pixels: u64,
+) -> Result<Intrinsics, Refusal> {
+    let v1::Intrinsics { width, height, fx, fy, cx, cy } = *wire;
+    intrinsics(field, Intrinsics { width, height, fx, fy, cx, cy }, max_pixels)
+}
+
+/// Checks pinhole intrinsics; `field` is their path in the message.
+///
+/// # Errors
+/// [`Refusal`] names the number.
+pub(super) fn intrinsics(
+    field: &str,
+    camera: Intrinsics,
+    max_pixels: u64,
+) -> Result<Intrinsics, Refusal> {
     let refuse = |part: &str, reason: String| Err(Refusal::new(format!("{field}.{part}"), reason));
     let Intrinsics { width, height, fx, fy, cx, cy } = camera;
     for (part, side) in [("width", width), ("height", height)] {
@@ -38,7 +53,7 @@ pub fn intrinsics(field: &str, camera: Intrinsics, max_pixels: u64) -> Result<In
     let axes = [("fx", fx, "cx", cx, width), ("fy", fy, "cy", cy, height)];
     for (focal_part, focal, principal_part, principal, side) in axes {
         let side = f64::from(side);
-        // Phrased so that a NaN is refused.
+        // This form of the condition also refuses NaN.
         if !FOCAL_SIDES.contains(&(focal / side)) {
             let (least, most) = (FOCAL_SIDES.start() * side, FOCAL_SIDES.end() * side);
             return refuse(
@@ -60,17 +75,34 @@ pub fn intrinsics(field: &str, camera: Intrinsics, max_pixels: u64) -> Result<In
     Ok(camera)
 }
 
+/// Checks a pose from a gRPC message; `field` is its path in the message.
+///
+/// # Errors
+/// [`Refusal`] names the part.
+pub(super) fn pose_from_wire(field: &str, wire: &v1::Pose) -> Result<Isometry3<f64>, Refusal> {
+    let missing = |part| Refusal::new(format!("{field}.{part}"), "missing");
+    let rotation = wire.rotation.as_ref().ok_or_else(|| missing("rotation"))?;
+    let translation =
+        wire.translation_metres.as_ref().ok_or_else(|| missing("translation_metres"))?;
+    pose(
+        field,
+        [rotation.w, rotation.x, rotation.y, rotation.z],
+        [translation.x, translation.y, translation.z],
+    )
+}
+
 /// Checks a pose from a quaternion (w, x, y, z) and a translation in metres.
 ///
 /// # Errors
-/// [`Refusal`] if a number is not finite, the quaternion not of length 1, or the place absurdly far.
-pub fn pose(field: &str, wxyz: [f64; 4], translation: [f64; 3]) -> Result<Isometry3<f64>, Refusal> {
-    let translation = place(&format!("{field}.translation_metres"), translation)?;
+/// [`Refusal`] if a number is not finite, the quaternion does not have length 1, or the position is
+/// too far from the origin.
+fn pose(field: &str, wxyz: [f64; 4], translation: [f64; 3]) -> Result<Isometry3<f64>, Refusal> {
+    let translation = position(&format!("{field}.translation_metres"), translation)?;
     let [w, x, y, z] = wxyz;
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
     let is_unit = (norm - 1.0).abs() <= RIGID_TOLERANCE;
-    // Phrased so that a NaN is refused.
+    // This form of the condition also refuses NaN.
     if !is_unit {
         let reason = format!("expected a quaternion (w, x, y, z) of length 1, found length {norm}");
         return Err(Refusal::new(format!("{field}.rotation"), reason));
@@ -82,7 +114,7 @@ pub fn pose(field: &str, wxyz: [f64; 4], translation: [f64; 3]) -> Result<Isomet
 ///
 /// # Errors
 /// [`Refusal`] if it is not a rigid transform.
-pub fn pose_from_matrix(field: &str, rows: &[f64]) -> Result<Isometry3<f64>, Refusal> {
+pub(super) fn pose_from_matrix(field: &str, rows: &[f64]) -> Result<Isometry3<f64>, Refusal> {
     let refuse = |reason: String| Err(Refusal::new(field, reason));
     let &[a, b, c, x, d, e, f, y, g, h, i, z, p, q, r, s] = rows else {
         return refuse(format!("expected 16 numbers, row-major, found {}", rows.len()));
@@ -105,12 +137,12 @@ pub fn pose_from_matrix(field: &str, rows: &[f64]) -> Result<Isometry3<f64>, Ref
     }
     let rotation =
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    Ok(Isometry3::from_parts(place(field, [x, y, z])?, rotation))
+    Ok(Isometry3::from_parts(position(field, [x, y, z])?, rotation))
 }
 
-fn place(field: &str, [x, y, z]: [f64; 3]) -> Result<Translation3<f64>, Refusal> {
+fn position(field: &str, [x, y, z]: [f64; 3]) -> Result<Translation3<f64>, Refusal> {
     let far = Vector3::new(x, y, z).map(f64::abs);
-    // Phrased so that a NaN is refused.
+    // This form of the condition also refuses NaN.
     if !far.iter().all(|metres| *metres <= MAX_COORDINATE_METRES) {
         let reason = format!(
             "expected finite metres within {MAX_COORDINATE_METRES} of the origin, found {x} {y} {z}"

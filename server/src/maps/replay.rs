@@ -1,47 +1,50 @@
 //! Rebuilding the maps from their logs when the server starts.
 
-use super::log::{Records, cut_torn_tail};
-use super::{Store, StoreError, log_path};
-use crate::ingest::convert::{self, Limits, Opening};
+use super::recorded::RecordedMaps;
+use crate::check::{self, Limits, Opening};
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::SenderGuard;
+use crate::store::{Records, StoreError};
 use lexsplat_proto::v1::{self, frame_message::Message};
 
-/// Sends every map's log through the same checks and the same mapper as when it came; a map that
-/// cannot be rebuilt is logged and left out, and its log stays as it is.
+/// Sends the frames of every log through the same checks and the same mapper as when they arrived.
+///
+/// A map that cannot be rebuilt is skipped with an error in the server's log; its file stays as it
+/// is.
 ///
 /// # Errors
 /// [`StoreError`] if the data directory cannot be listed.
-pub async fn replay(store: &Store, engine: &Engine, limits: &Limits) -> Result<(), StoreError> {
-    let Some(root) = &store.root else { return Ok(()) };
-    for map in store.maps()? {
-        let path = log_path(root, &map);
-        let mut replaying = Replaying { engine, limits, sender: None, frames: 0 };
-        let replayed = match cut_torn_tail(&path).and_then(|_| Records::open(&path)) {
-            Ok(records) => replaying.run(&map, records).await,
+pub(crate) async fn replay(maps: &RecordedMaps, limits: &Limits) -> Result<(), StoreError> {
+    for log in maps.store().logs()? {
+        let map = &*log.map;
+        let mut replay = Replay { engine: maps.engine(), limits, sender: None, frames: 0 };
+        let replayed = match log.records() {
+            Ok(records) => replay.run(map, records).await,
             Err(error) => Err(error.to_string()),
         };
         match replayed {
-            Ok(()) => tracing::info!(map, frames = replaying.frames, "a map was rebuilt"),
-            Err(reason) => tracing::error!(map, reason, "a map was not rebuilt from its log"),
+            Ok(()) => tracing::info!(map, frames = replay.frames, "rebuilt a map from its log"),
+            Err(reason) => tracing::error!(map, reason, "cannot rebuild a map from its log"),
         }
     }
     Ok(())
 }
 
-struct Replaying<'a> {
+struct Replay<'a> {
     engine: &'a Engine,
     limits: &'a Limits,
+    /// Set by the log's first record.
     sender: Option<(SenderGuard, Opening)>,
+    /// Frames sent to the mapper.
     frames: u64,
 }
 
-impl Replaying<'_> {
+impl Replay<'_> {
     async fn run(&mut self, map: &str, mut records: Records) -> Result<(), String> {
         loop {
             let (message, rest) = tokio::task::spawn_blocking(move || (records.next(), records))
                 .await
-                .map_err(|_| "reading panicked".to_owned())?;
+                .map_err(|_| "reading the log panicked".to_owned())?;
             records = rest;
             match message.map_err(|error| error.to_string())? {
                 None => return Ok(()),
@@ -52,8 +55,8 @@ impl Replaying<'_> {
     }
 
     fn open(&mut self, map: &str, open: &v1::OpenMap) -> Result<(), String> {
-        let opening = convert::opening(open, self.limits).map_err(|error| error.to_string())?;
-        // The place must be free before it is claimed again.
+        let opening = check::opening(open, self.limits).map_err(|error| error.to_string())?;
+        // A map has one sender: the last one must be gone before the next can claim the map.
         self.sender = None;
         let map = self.engine.open(map).map_err(|error| error.to_string())?;
         let guard = map.claim(opening.intrinsics).map_err(|error| error.to_string())?;
@@ -62,18 +65,19 @@ impl Replaying<'_> {
     }
 
     async fn frame(&mut self, wire: v1::Frame) -> Result<(), String> {
-        let (guard, opening) = self.sender.as_ref().ok_or("its first record opens no map")?;
+        let (guard, opening) =
+            self.sender.as_ref().ok_or("the first record is not an opening message")?;
         let (opening, limits) = (opening.clone(), *self.limits);
         let newest = guard.map().received_through();
         let checked =
-            tokio::task::spawn_blocking(move || convert::frame(&wire, &opening, newest, &limits))
+            tokio::task::spawn_blocking(move || check::frame(&wire, &opening, newest, &limits))
                 .await
-                .map_err(|_| "decoding panicked".to_owned())?;
+                .map_err(|_| "decoding a frame panicked".to_owned())?;
         let frame = match checked {
             Ok(frame) => frame,
-            // It passed once: the limits have become narrower since.
+            // The frame passed when it was recorded: the configured limits are narrower now.
             Err(refusal) => {
-                tracing::warn!(map = guard.map().name(), %refusal, "a kept frame was left out");
+                tracing::warn!(map = guard.map().name(), %refusal, "skipped a recorded frame");
                 return Ok(());
             }
         };

@@ -1,17 +1,17 @@
-//! Label images: grey PNG, raw 16 bit or zstd of it -> `[height * width]` labels; and what they stand
-//! for.
+//! Label images: grey PNG, raw 16 bit or zstd of it -> `[height * width]` labels, with their texts.
 
-use super::{Opening, Refusal, color, depth};
-use crate::pipeline::frame::Labels;
+use super::images::{self, u16s, unzstd};
+use super::opening::Opening;
+use super::refusal::Refusal;
+use crate::pipeline::frame::{Intrinsics, Labels};
 use crate::pipeline::query::MAX_TEXT_BYTES;
-use image::{DynamicImage, ImageFormat, ImageReader};
+use image::DynamicImage;
 use lexsplat_proto::v1;
-use std::io::Cursor;
 use std::sync::Arc;
 
 const FIELD: &str = "labels";
 
-/// Checks what labels stand for; surrounding white space goes.
+/// Checks the texts of the labels and removes surrounding white space.
 pub(super) fn texts(wire: &[String]) -> Result<Arc<[String]>, Refusal> {
     const FIELD: &str = "label_texts";
     let (limit, found) = (usize::from(u16::MAX), wire.len());
@@ -27,17 +27,16 @@ pub(super) fn texts(wire: &[String]) -> Result<Arc<[String]>, Refusal> {
     Ok(wire.iter().map(|text| text.trim().to_owned()).collect())
 }
 
-/// Decodes a label image of exactly the intrinsics' size, if there is one.
+/// Decodes the frame's label image of the camera's size; `None` if it has none.
 pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Option<Labels>, Refusal> {
-    let (width, height) = (opening.intrinsics.width, opening.intrinsics.height);
-    let (pixels, data) = (width as usize * height as usize, &wire.labels[..]);
+    let camera = &opening.intrinsics;
+    let width = camera.width as usize;
+    let (pixels, data) = (width * camera.height as usize, &wire.labels[..]);
     let ids = match v1::LabelFormat::try_from(wire.label_format) {
         Ok(v1::LabelFormat::Unspecified) if data.is_empty() => return Ok(None),
-        Ok(v1::LabelFormat::Png) => png(data, width, height)?,
-        Ok(v1::LabelFormat::U16) => depth::u16s(FIELD, data, pixels)?,
-        Ok(v1::LabelFormat::U16Zstd) => {
-            depth::u16s(FIELD, &depth::unzstd(FIELD, data, pixels * 2)?, pixels)?
-        }
+        Ok(v1::LabelFormat::Png) => png(data, camera)?,
+        Ok(v1::LabelFormat::U16) => u16s(FIELD, data, pixels)?,
+        Ok(v1::LabelFormat::U16Zstd) => u16s(FIELD, &unzstd(FIELD, data, pixels * 2)?, pixels)?,
         Ok(v1::LabelFormat::Unspecified) | Err(_) => {
             let found = wire.label_format;
             let reason =
@@ -47,11 +46,11 @@ pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Option<Label
     };
     let texts = opening.label_texts.clone();
     if texts.is_empty() {
-        let reason = "the stream was opened without label_texts: what do labels stand for?";
+        let reason = "the stream was opened without label_texts, so the labels have no meaning";
         return Err(Refusal::new(FIELD, reason));
     }
     if let Some(at) = ids.iter().position(|id| usize::from(*id) > texts.len()) {
-        let (id, column, row) = (ids[at], at % width as usize, at / width as usize);
+        let (id, column, row) = (ids[at], at % width, at / width);
         let reason = format!(
             "expected 0 to {}, as many as label_texts, found {id} at column {column}, row {row}",
             texts.len()
@@ -61,14 +60,8 @@ pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Option<Label
     Ok(Some(Labels { ids: ids.into(), texts }))
 }
 
-fn png(data: &[u8], width: u32, height: u32) -> Result<Vec<u16>, Refusal> {
-    let bad = |error| Refusal::new(FIELD, format!("{} bytes are no PNG: {error}", data.len()));
-    let reader = || ImageReader::with_format(Cursor::new(data), ImageFormat::Png);
-    let found = reader().into_dimensions().map_err(bad)?;
-    color::same_size(FIELD, found, (width, height))?;
-    let mut reader = reader();
-    reader.limits(color::decoder_limits(width, height));
-    match reader.decode().map_err(bad)? {
+fn png(data: &[u8], camera: &Intrinsics) -> Result<Vec<u16>, Refusal> {
+    match images::png(FIELD, data, camera)? {
         DynamicImage::ImageLuma8(image) => {
             Ok(image.into_raw().into_iter().map(u16::from).collect())
         }

@@ -1,0 +1,131 @@
+//! Answers to questions with one text.
+
+use serde::{Deserialize, Serialize};
+
+/// Where a text is found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Answer {
+    /// Id under which the heat map and the points can be fetched.
+    pub query_id: String,
+    pub text: String,
+    pub map: String,
+    /// Revision of the map that the answer was computed from.
+    pub revision: u64,
+    /// Whether the map shows what was asked for.
+    pub present: bool,
+    /// Confidence in `present`, 0 to 1.
+    pub confidence: f32,
+    /// Share of the view or map that has language, 0 to 1. If it is low, absent only means not seen.
+    pub coverage: f32,
+    /// Relevancy above which something counted as found.
+    pub threshold: f32,
+    /// View queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heatmap: Option<HeatmapLink>,
+    /// Pixels above the threshold; view queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask: Option<Rle>,
+    /// One box for each connected region of the mask, best first; view queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub boxes: Option<Vec<PixelBox>>,
+    /// The most relevant pixel; view queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub peak: Option<Peak>,
+    /// 3D queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<PointsLink>,
+    /// Best first, or nearest first if the question has `near`; 3D queries only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub objects: Option<Vec<Object>>,
+    pub timing_ms: Timing,
+}
+
+/// Where to fetch the heat map: the relevancy of every pixel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct HeatmapLink {
+    pub width: u32,
+    pub height: u32,
+    /// The smallest relevancy in it.
+    pub min: f32,
+    /// The largest relevancy in it.
+    pub max: f32,
+    /// Path on the server.
+    pub url: String,
+}
+
+/// Where to fetch the points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct PointsLink {
+    /// Number of points.
+    pub count: usize,
+    /// Path on the server.
+    pub url: String,
+}
+
+/// A mask as COCO run lengths: column-major, the first run is of zeros.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Rle {
+    /// Height, width.
+    pub size: [u32; 2],
+    pub counts: Vec<u32>,
+}
+
+/// A box in pixels; (x, y) is its top-left corner.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct PixelBox {
+    pub x: f32,
+    pub y: f32,
+    pub width: f32,
+    pub height: f32,
+    /// Relevancy of its best pixel.
+    pub score: f32,
+}
+
+/// The most relevant pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Peak {
+    pub x: f32,
+    pub y: f32,
+    pub score: f32,
+}
+
+/// An object in 3D with an oriented and an axis-aligned box, metres.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Object {
+    pub score: f32,
+    /// Centre of the oriented box.
+    pub center: [f32; 3],
+    /// Sides of the oriented box.
+    pub size: [f32; 3],
+    /// `world_from_box` of the oriented box: quaternion (w, x, y, z).
+    pub rotation: [f32; 4],
+    pub aabb_min: [f32; 3],
+    pub aabb_max: [f32; 3],
+    /// Number of points.
+    pub points: usize,
+    /// From `near` to the oriented box, metres; 0 inside.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f32>,
+}
+
+/// Time spent on an answer, milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Timing {
+    /// Encoding the texts.
+    pub text: f32,
+    /// Rendering language codes.
+    pub render: f32,
+    /// Decoding the codes into embeddings.
+    pub decode: f32,
+    /// Comparing embeddings with the texts.
+    pub score: f32,
+    pub total: f32,
+}

@@ -1,0 +1,17 @@
+//! The server's health.
+
+use serde::{Deserialize, Serialize};
+
+/// State and versions of the server.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Health {
+    /// "alive" or "ready".
+    pub status: String,
+    /// The GPU adapter that renders.
+    pub adapter: String,
+    /// Name of the model bundle.
+    pub bundle: String,
+    /// Version of the server.
+    pub version: String,
+}

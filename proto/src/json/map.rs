@@ -1,0 +1,83 @@
+//! Maps and their keyframes.
+
+use super::camera::Camera;
+use serde::{Deserialize, Serialize};
+
+/// Request to create a map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct NewMap {
+    /// 1 to 64 characters of A-Z a-z 0-9 . _ - and no dot at the start.
+    #[cfg_attr(feature = "schema", schema(example = "kitchen"))]
+    pub name: String,
+}
+
+/// Status of a map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Status {
+    pub name: String,
+    /// Increases each time the mapper publishes a newer map to queries.
+    pub revision: u64,
+    /// Frames that passed the checks.
+    pub frames_received: u64,
+    /// Frames with a pose.
+    pub frames_tracked: u64,
+    /// Frames without a pose.
+    pub frames_lost: u64,
+    /// Frames accepted but never mapped.
+    pub frames_dropped: u64,
+    /// Frames that did not pass the checks.
+    pub frames_refused: u64,
+    pub keyframes: u64,
+    pub gaussians: u64,
+    /// GPU memory of the Gaussians.
+    pub gpu_bytes: u64,
+    /// Memory of the keyframes' images and language codes, on the host and the GPU.
+    pub keyframe_bytes: u64,
+    /// "empty", "tracking" or "lost".
+    pub tracking_state: String,
+    /// Version of the online language compressor.
+    pub olae_version: u64,
+    /// Frames in the map's queue.
+    pub queue_depth: usize,
+    pub queue_capacity: usize,
+    /// No frame is in the queue and the mapper has finished optimising what it has.
+    pub settled: bool,
+    /// Why the map takes no more frames, if it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+}
+
+/// All maps, sorted by name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Maps {
+    pub maps: Vec<Status>,
+}
+
+/// The keyframes of a map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Frames {
+    pub map: String,
+    pub revision: u64,
+    pub frames: Vec<Keyframe>,
+}
+
+/// A keyframe.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Keyframe {
+    /// The sequence number that the sender gave it.
+    pub sequence: u64,
+    /// Seconds.
+    pub timestamp: f64,
+    pub timestamp_nanos: u64,
+    /// Row-major 4x4, metres.
+    pub world_from_camera: [f64; 16],
+    pub camera: Camera,
+    /// Whether its language is in the map.
+    pub has_language: bool,
+}

@@ -1,0 +1,27 @@
+//! The JSON types of the HTTP interface, used by the server to write and by clients to read.
+//!
+//! Conventions: lengths are metres in the map's world, image positions are pixels, scores are
+//! relevancies in 0..1, transforms are row-major 4x4 matrices named `target_from_source`. Fields
+//! that are `None` are left out of the JSON.
+
+mod answer;
+mod camera;
+mod event;
+mod health;
+mod map;
+mod problem;
+mod question;
+mod render;
+mod reply;
+mod segmentation;
+
+pub use answer::{Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, Timing};
+pub use camera::{Camera, View};
+pub use event::{FrameEvent, MissedEvent, RevisionEvent};
+pub use health::Health;
+pub use map::{Frames, Keyframe, Maps, NewMap, Status};
+pub use problem::Problem;
+pub use question::{Bounds, Question};
+pub use render::{Channel, RenderRequest};
+pub use reply::Reply;
+pub use segmentation::{LabelsLink, LegendEntry, Segmentation};

@@ -1,0 +1,110 @@
+//! Frames of a stream.
+
+use super::camera;
+use super::color;
+use super::depth;
+use super::labels;
+use super::limits::Limits;
+use super::opening::Opening;
+use super::refusal::Refusal;
+use crate::pipeline::frame::{Frame, PoseHint};
+use lexsplat_proto::v1;
+use nalgebra::{Isometry3, Matrix6};
+
+/// Numbers in a pose covariance: 6x6.
+const COVARIANCE_NUMBERS: usize = 36;
+
+/// Checks a frame and decodes its images.
+///
+/// `newest` is the sequence number of the last accepted frame of the map. Decoding takes
+/// milliseconds: do not call this on an async thread.
+///
+/// # Errors
+/// [`Refusal`] names the field.
+pub(crate) fn frame(
+    wire: &v1::Frame,
+    opening: &Opening,
+    newest: Option<u64>,
+    limits: &Limits,
+) -> Result<Frame, Refusal> {
+    sequence(wire.sequence, newest)?;
+    let intrinsics = opening.intrinsics;
+    let pose = pose(wire, opening.estimates_poses)?;
+    let covariance = covariance(&wire.pose_covariance)?;
+    let (world_from_camera, hint) = match pose {
+        Some(world_from_camera) if opening.estimates_poses => {
+            (None, Some(Box::new(PoseHint { world_from_camera, covariance })))
+        }
+        given => (given, None),
+    };
+    let rgb = color::decode(wire.color_format, &wire.color, &intrinsics)?;
+    let depth_metres = depth::decode(wire, opening, limits)?;
+    let labels = labels::decode(wire, opening)?;
+    Ok(Frame {
+        sequence: wire.sequence,
+        timestamp_nanos: wire.timestamp_nanos,
+        intrinsics,
+        rgb: rgb.into(),
+        depth_metres: depth_metres.into(),
+        world_from_camera,
+        hint,
+        labels,
+        held_out: wire.held_out,
+    })
+}
+
+/// Checks that sequence numbers increase.
+fn sequence(found: u64, newest: Option<u64>) -> Result<(), Refusal> {
+    match newest {
+        Some(newest) if found <= newest => Err(Refusal::new(
+            "sequence",
+            format!("expected more than {newest}, the newest frame's, found {found}"),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The frame's pose; it may be missing only if the server estimates poses.
+fn pose(wire: &v1::Frame, may_be_missing: bool) -> Result<Option<Isometry3<f64>>, Refusal> {
+    const FIELD: &str = "world_from_camera";
+    match &wire.world_from_camera {
+        Some(pose) => camera::pose_from_wire(FIELD, pose).map(Some),
+        None if may_be_missing => Ok(None),
+        None => Err(Refusal::new(FIELD, "missing: the stream was opened with POSE_SOURCE_GIVEN")),
+    }
+}
+
+/// A 6x6 pose covariance, or nothing. It must be finite, symmetric and positive semi-definite.
+fn covariance(numbers: &[f64]) -> Result<Option<Matrix6<f64>>, Refusal> {
+    let refuse = |reason: String| Err(Refusal::new("pose_covariance", reason));
+    if numbers.is_empty() {
+        return Ok(None);
+    }
+    if numbers.len() != COVARIANCE_NUMBERS {
+        return refuse(format!("expected 0 or 36 numbers, found {}", numbers.len()));
+    }
+    if let Some(at) = numbers.iter().position(|number| !number.is_finite()) {
+        return refuse(format!("expected finite numbers, found {} at {at}", numbers[at]));
+    }
+    for row in 0..6 {
+        if numbers[row * 7] < 0.0 {
+            return refuse(format!("expected variances of at least 0, found {}", numbers[row * 7]));
+        }
+        for column in 0..row {
+            let (a, b) = (numbers[row * 6 + column], numbers[column * 6 + row]);
+            if (a - b).abs() > 1e-6 * (1.0 + a.abs()) {
+                return refuse(format!(
+                    "expected a symmetric matrix, found {a} at ({row}, {column}) and {b} at \
+                     ({column}, {row})"
+                ));
+            }
+        }
+    }
+    let matrix = Matrix6::from_row_slice(numbers);
+    let matrix = (matrix + matrix.transpose()) * 0.5;
+    let variances = matrix.symmetric_eigenvalues();
+    if variances.min() < -1e-6 * variances.max() {
+        return refuse(format!("expected no negative eigenvalue, found {}", variances.min()));
+    }
+    Ok(Some(matrix))
+}

@@ -1,0 +1,31 @@
+//! Validation of outside input: gRPC messages, JSON and log records become domain types here.
+//!
+//! Every function takes input as it arrived and returns a type of `pipeline` or `export` that needs
+//! no further check, or a [`Refusal`] that names the field with the error. Both interfaces (gRPC and
+//! HTTP) and the replay of logs use these functions, so the same input gets the same verdict
+//! everywhere.
+
+mod camera;
+mod color;
+mod depth;
+mod frame;
+mod images;
+mod labels;
+mod limits;
+mod mesh;
+mod opening;
+mod question;
+mod refusal;
+mod render;
+mod view;
+
+pub(crate) use frame::frame;
+pub(crate) use limits::Limits;
+pub(crate) use mesh::mesh_options;
+pub(crate) use opening::{Opening, opening};
+pub(crate) use question::Question;
+pub(crate) use refusal::Refusal;
+pub(crate) use render::render_request;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,107 @@
+//! The routes.
+
+use super::answer_cache::AnswerCache;
+use super::config::HttpConfig;
+use super::error::Problem;
+use super::event_log::EventLogs;
+use super::file_cache::FileCache;
+use super::state::Shared;
+use super::{answers, events, export, health, map, openapi, query, render};
+use crate::maps::RecordedMaps;
+use crate::web;
+use axum::Router;
+use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse as _, Response};
+use axum::routing::get;
+use std::any::Any;
+use std::sync::Arc;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::cors::{AllowOrigin, CorsLayer};
+use tower_http::trace::TraceLayer;
+
+/// What the routes need.
+pub(crate) struct Context {
+    pub(crate) maps: RecordedMaps,
+    pub(crate) config: HttpConfig,
+    /// False while maps are rebuilt from their logs.
+    pub(crate) ready: watch::Receiver<bool>,
+    /// Cancelled when the server stops; ends the streams of events.
+    pub(crate) stopping: CancellationToken,
+}
+
+/// All routes, those of the dashboard included.
+pub(crate) fn router(context: Context) -> Router {
+    let Context { maps, config, ready, stopping } = context;
+    let cors = cors(&config.cors_origins);
+    let shared = Arc::new(Shared {
+        answers: AnswerCache::new(config.recent_answers, config.recent_answers_bytes),
+        event_logs: EventLogs::new(config.event_backlog),
+        last_file: FileCache::default(),
+        maps,
+        config,
+        ready,
+        stopping,
+    });
+    let router = Router::new()
+        .route("/healthz", get(health::healthz))
+        .route("/readyz", get(health::readyz))
+        .route("/metrics", get(health::metrics))
+        .route("/openapi.json", get(openapi::document))
+        .route("/v1/maps", get(map::list).post(map::create))
+        .route("/v1/maps/{name}", get(map::show).delete(map::delete))
+        .route("/v1/maps/{name}/query", axum::routing::post(query::ask))
+        .route("/v1/maps/{name}/queries/{query_id}/heatmap", get(answers::heatmap))
+        .route("/v1/maps/{name}/queries/{query_id}/points", get(answers::points))
+        .route("/v1/maps/{name}/queries/{query_id}/labels", get(answers::labels))
+        .route("/v1/maps/{name}/frames", get(map::frames))
+        .route("/v1/maps/{name}/trajectory", get(map::trajectory))
+        .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))
+        .route("/v1/maps/{name}/export/{file}", get(export::file))
+        .route("/v1/maps/{name}/events", get(events::stream))
+        .method_not_allowed_fallback(method_not_allowed)
+        .fallback(not_found)
+        .with_state(shared)
+        .merge(web::router())
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(TraceLayer::new_for_http());
+    match cors {
+        Some(cors) => router.layer(cors),
+        None => router,
+    }
+}
+
+async fn not_found(uri: axum::http::Uri) -> Problem {
+    Problem::not_found(format!("no route {}: GET /openapi.json lists all routes", uri.path()))
+}
+
+async fn method_not_allowed(method: Method, uri: axum::http::Uri) -> Problem {
+    let detail = format!("{} does not take {method}: see GET /openapi.json", uri.path());
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, detail)
+}
+
+/// The answer to a request whose handler panicked. The panic's message is only in the server's log.
+fn panicked(_panic: Box<dyn Any + Send>) -> Response {
+    Problem::internal("a handler panicked: see the server's log").into_response()
+}
+
+/// The CORS headers for the configured origins; `None` if only pages of this server may use it.
+fn cors(origins: &[String]) -> Option<CorsLayer> {
+    if origins.is_empty() {
+        return None;
+    }
+    let allowed = match origins.iter().any(|origin| origin == "*") {
+        true => AllowOrigin::any(),
+        false => AllowOrigin::list(
+            origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()),
+        ),
+    };
+    Some(
+        CorsLayer::new()
+            .allow_origin(allowed)
+            .allow_methods([Method::GET, Method::POST, Method::DELETE])
+            .allow_headers([header::CONTENT_TYPE, header::ACCEPT, header::RANGE])
+            .expose_headers([header::ETAG, header::CONTENT_RANGE]),
+    )
+}

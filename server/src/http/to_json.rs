@@ -1,0 +1,142 @@
+//! Pipeline types as JSON types.
+
+use crate::export;
+use crate::pipeline::frame::Intrinsics;
+use crate::pipeline::map::MapStatus;
+use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing};
+use crate::pipeline::snapshot::KeyframeInfo;
+use lexsplat_proto::json;
+use nalgebra::Isometry3;
+
+pub(super) fn status(status: MapStatus) -> json::Status {
+    json::Status {
+        name: status.name,
+        revision: status.revision,
+        frames_received: status.frames_received,
+        frames_tracked: status.frames_tracked,
+        frames_lost: status.frames_lost,
+        frames_dropped: status.frames_dropped,
+        frames_refused: status.frames_refused,
+        keyframes: status.keyframes,
+        gaussians: status.gaussians,
+        gpu_bytes: status.gpu_bytes,
+        keyframe_bytes: status.keyframe_bytes,
+        tracking_state: status.tracking_state.as_str().into(),
+        olae_version: status.olae_version,
+        queue_depth: status.queue_depth,
+        queue_capacity: status.queue_capacity,
+        settled: status.settled,
+        failure: status.failure,
+    }
+}
+
+pub(super) fn keyframe(info: &KeyframeInfo) -> json::Keyframe {
+    json::Keyframe {
+        sequence: info.frame.sequence,
+        timestamp: export::seconds(info.frame.timestamp_nanos),
+        timestamp_nanos: info.frame.timestamp_nanos,
+        world_from_camera: rows(&info.frame.world_from_camera),
+        camera: camera(info.intrinsics),
+        has_language: info.has_language,
+    }
+}
+
+fn camera(intrinsics: Intrinsics) -> json::Camera {
+    let Intrinsics { width, height, fx, fy, cx, cy } = intrinsics;
+    json::Camera { width, height, fx, fy, cx, cy }
+}
+
+/// A transform as 16 numbers, row-major.
+pub(super) fn rows(transform: &Isometry3<f64>) -> [f64; 16] {
+    let matrix = transform.to_homogeneous();
+    std::array::from_fn(|at| matrix[(at / 4, at % 4)])
+}
+
+/// An answer as JSON; the heat map and the points become links with `query_id`.
+pub(super) fn answer(query_id: String, text: String, map: &str, answer: &Answer) -> json::Answer {
+    let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
+    json::Answer {
+        text,
+        map: map.into(),
+        revision: answer.revision,
+        present: answer.present,
+        confidence: answer.confidence,
+        coverage: answer.coverage,
+        threshold: answer.threshold,
+        heatmap: answer.heatmap.as_ref().map(|heatmap| {
+            let (min, max) = export::extremes(&heatmap.values);
+            let (width, height) = (heatmap.width, heatmap.height);
+            json::HeatmapLink { width, height, min, max, url: url("heatmap") }
+        }),
+        mask: answer
+            .mask
+            .as_ref()
+            .map(|mask| json::Rle { size: [mask.height, mask.width], counts: mask.counts.clone() }),
+        boxes: answer.boxes.as_ref().map(|boxes| boxes.iter().map(pixel_box).collect()),
+        peak: answer.peak.map(|peak| json::Peak { x: peak.x, y: peak.y, score: peak.score }),
+        points: answer
+            .points
+            .as_ref()
+            .map(|points| json::PointsLink { count: points.len(), url: url("points") }),
+        objects: answer.objects.as_ref().map(|objects| objects.iter().map(object).collect()),
+        timing_ms: timing(answer.timing),
+        query_id,
+    }
+}
+
+fn pixel_box(found: &ScoredBox) -> json::PixelBox {
+    let ScoredBox { x, y, width, height, score } = *found;
+    json::PixelBox { x, y, width, height, score }
+}
+
+fn object(found: &Object) -> json::Object {
+    let q = found.rotation;
+    json::Object {
+        score: found.score,
+        center: found.center.into(),
+        size: found.size.into(),
+        rotation: [q.w, q.i, q.j, q.k],
+        aabb_min: found.aabb_min.into(),
+        aabb_max: found.aabb_max.into(),
+        points: found.points,
+        distance: found.distance,
+    }
+}
+
+/// A segmentation as JSON; the labels become links with `query_id`.
+pub(super) fn segmentation(
+    query_id: String,
+    texts: Vec<String>,
+    map: &str,
+    found: &Segmentation,
+) -> json::Segmentation {
+    let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
+    let entry = |(at, (text, &share)): (usize, (&String, &f32))| {
+        let [red, green, blue] = export::label_color(at + 1);
+        let color = format!("#{red:02x}{green:02x}{blue:02x}");
+        json::LegendEntry { label: at + 1, text: text.clone(), color, share }
+    };
+    json::Segmentation {
+        legend: texts.iter().zip(&found.shares).enumerate().map(entry).collect(),
+        texts,
+        map: map.into(),
+        revision: found.revision,
+        coverage: found.coverage,
+        threshold: found.threshold,
+        labels: found.image.as_ref().map(|image| {
+            let (width, height) = (image.width, image.height);
+            json::LabelsLink { width, height, url: url("labels") }
+        }),
+        points: found
+            .points
+            .as_ref()
+            .map(|points| json::PointsLink { count: points.len(), url: url("points") }),
+        timing_ms: timing(found.timing),
+        query_id,
+    }
+}
+
+fn timing(timing: Timing) -> json::Timing {
+    let Timing { text, render, decode, score, total } = timing;
+    json::Timing { text, render, decode, score, total }
+}

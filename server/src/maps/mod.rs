@@ -1,0 +1,12 @@
+//! Maps together with the logs that record their frames.
+//!
+//! gRPC and HTTP create, open and delete maps here, so that a map and its log stay in step, and the
+//! server rebuilds all maps from their logs here when it starts.
+
+mod error;
+mod recorded;
+mod replay;
+
+pub(crate) use error::MapsError;
+pub(crate) use recorded::{RecordedMaps, Recording};
+pub(crate) use replay::replay;
