@@ -147,10 +147,10 @@ mod tests {
             let (_, map, question) = asker.question(number);
             (map, question.text, question.view.is_some())
         };
-        assert_eq!(asked(0), ("a".into(), "cup".into(), true));
-        assert_eq!(asked(1), ("a".into(), "cup".into(), false));
-        assert_eq!(asked(2), ("b".into(), "sofa".into(), true));
-        assert_eq!(asked(4), ("a".into(), "lamp".into(), true));
+        assert_eq!(asked(0), ("a".into(), Some("cup".into()), true));
+        assert_eq!(asked(1), ("a".into(), Some("cup".into()), false));
+        assert_eq!(asked(2), ("b".into(), Some("sofa".into()), true));
+        assert_eq!(asked(4), ("a".into(), Some("lamp".into()), true));
     }
 
     /// The latency of a question counts from when it was due, though the server let it wait.

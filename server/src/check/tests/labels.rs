@@ -1,8 +1,6 @@
 //! Checks of label images and their texts.
 
-use super::{
-    HEIGHT, LIMITS, PIXELS, WIDTH, check, good, open_message, opened, png, rgb, u16_bytes,
-};
+use super::{HEIGHT, LIMITS, PIXELS, WIDTH, check, good, open_message, png, rgb, u16_bytes};
 use crate::check::{frame, opening};
 use image::ExtendedColorType;
 use lexsplat_proto::v1;
