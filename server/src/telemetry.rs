@@ -40,22 +40,6 @@ pub const STREAMS: &str = "lexsplat_streams";
 const BUCKETS: [f64; 12] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
 
-/// Logs.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct TelemetryConfig {
-    /// What is logged: a level, or `target=level` pairs with commas between.
-    pub filter: String,
-    /// One JSON object per line instead of text.
-    pub json: bool,
-}
-
-impl Default for TelemetryConfig {
-    fn default() -> Self {
-        Self { filter: "info".into(), json: false }
-    }
-}
-
 /// The process's one recorder.
 static RECORDER: OnceLock<PrometheusHandle> = OnceLock::new();
 
