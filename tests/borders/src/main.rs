@@ -1,4 +1,4 @@
-//! Prints circles among imports, or lengths of files and functions, of source folders.
+//! Prints imports, circles among them, or lengths of files and functions, of source folders.
 
 use lexsplat_borders::source::{Crate, Sources, read};
 use lexsplat_borders::{graph, imports, lengths};
@@ -6,14 +6,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::ExitCode;
 
-const USAGE: &str =
-    "usage: lexsplat-borders (circles | lengths) FOLDER...  (each with lib.rs or main.rs)";
+const USAGE: &str = "usage: lexsplat-borders (circles | imports | lengths) FOLDER...  (each with lib.rs or main.rs)";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let result = match arguments.split_first() {
         Some((command, folders)) if command == "circles" && !folders.is_empty() => {
             folders.iter().try_for_each(|folder| print_circles(folder))
+        }
+        Some((command, folders)) if command == "imports" && !folders.is_empty() => {
+            folders.iter().try_for_each(|folder| print_imports(folder))
         }
         Some((command, folders)) if command == "lengths" && !folders.is_empty() => {
             print_lengths(folders)
@@ -58,6 +60,18 @@ fn print_circles(folder: &str) -> Result<(), String> {
             for (from, to, paths) in pairs(circle, &imports) {
                 println!("    {} -> {}  ({})", name(from), name(to), paths.join(", "));
             }
+        }
+    }
+    Ok(())
+}
+
+/// Each pair of files of which the first imports the second.
+fn print_imports(folder: &str) -> Result<(), String> {
+    for parsed in crates(folder)?.1 {
+        let pairs: BTreeSet<_> =
+            imports::imports(&parsed).iter().map(|import| (import.from, import.to)).collect();
+        for (from, to) in pairs {
+            println!("{} -> {}", parsed.files[from].display(), parsed.files[to].display());
         }
     }
     Ok(())

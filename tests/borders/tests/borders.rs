@@ -16,7 +16,7 @@ const MAX_FUNCTION_LINES: usize = 60;
 /// Files that may hold `impl` blocks of one type.
 const MAX_IMPL_FILES: usize = 2;
 /// Files, functions and types beyond these limits today. Lower it when there are fewer; the goal is 0.
-const KNOWN_TOO_LONG: usize = 14;
+const KNOWN_TOO_LONG: usize = 6;
 
 fn root() -> PathBuf {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("borders/ lies in tests/");
