@@ -11,10 +11,7 @@ pub mod train;
 
 pub use adapter::{AdapterReport, selftest};
 pub use device::{Buffer, Gpu, GpuError, KernelTime, SOFTWARE_SUBGROUP, Tier};
-pub use map::densify::{DensifyCounts, DensifyRules};
-pub use map::{
-    Gaussians, Head, HeadKind, HostGaussians, HostHead, MAX_CHANNELS, Parameters, Statistics,
-};
+pub use map::{Gaussians, Head, HeadKind, HostGaussians, HostHead, MAX_CHANNELS, Parameters};
 pub use pass::{
     Camera, ColorImage, Contribution, Drawn, HeadGradient, LanguageImage, Renderer, Workload,
 };

@@ -22,7 +22,7 @@ const STAGES: [(&str, &[&str]); 7] = [
     ("loss", &["loss_", "reduce"]),
     ("blend back", &["blend_back_"]),
     ("to params", &["collect_", "project_back_"]),
-    ("adam", &["adam_", "tally", "ties_"]),
+    ("adam", &["adam_", "ties_"]),
 ];
 
 /// A map and something to learn from.

@@ -1,14 +1,14 @@
-//! The arrays of a map: parameters, moments, step counts and statistics, in Gaussian order, and how
-//! they grow.
+//! The arrays of a map: parameters, moments and step counts, in Gaussian order, and how they grow.
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::map::host::HostHead;
 use crate::map::rows::{pad_rows, unpad_rows};
-use crate::map::statistics::Statistics;
 use crate::shader::layout::{Row, rows_for};
 
 /// Words of four bytes per row.
 const ROW_WORDS: usize = 4;
+/// Rows of a head's geometry.
+const GEOMETRY_ROWS: usize = 2;
 
 /// Parameters of one kind with their moments; rows are in Gaussian order.
 pub struct Parameters {
@@ -57,8 +57,6 @@ pub struct Arrays {
     pub color: Head,
     /// Language head.
     pub language: Head,
-    /// What the last views saw, [`Statistics::ROWS`] rows.
-    pub statistics: Buffer<Row>,
 }
 
 /// One array, untyped.
@@ -66,8 +64,6 @@ pub(super) struct Array<'a> {
     pub(super) buffer: &'a wgpu::Buffer,
     /// Words per Gaussian.
     pub(super) width: usize,
-    /// True if a newborn does not inherit it.
-    pub(super) state: bool,
 }
 
 /// Makes arrays larger, one at a time. If one does not fit, those before it have more room than
@@ -82,7 +78,7 @@ pub(super) struct Growth<'a> {
 
 /// Bytes per Gaussian of a map's widest array.
 pub(super) fn widest_bytes(channels: usize) -> usize {
-    rows_for(channels).max(Statistics::ROWS) * size_of::<Row>()
+    rows_for(channels).max(GEOMETRY_ROWS) * size_of::<Row>()
 }
 
 /// Sets rows to zero.
@@ -158,7 +154,7 @@ impl Parameters {
 impl Head {
     fn new(gpu: &Gpu, label: &str, capacity: usize, rows: usize) -> Result<Self, GpuError> {
         Ok(Self {
-            geometry: Parameters::new(gpu, label, capacity, 2)?,
+            geometry: Parameters::new(gpu, label, capacity, GEOMETRY_ROWS)?,
             features: Parameters::new(gpu, label, capacity, rows)?,
             steps: Buffer::new(gpu, label, capacity)?,
         })
@@ -227,15 +223,13 @@ impl Arrays {
             means: Parameters::new(gpu, "means", capacity, 1)?,
             color: Head::new(gpu, "color head", capacity, 1)?,
             language: Head::new(gpu, "language head", capacity, rows_for(channels))?,
-            statistics: Buffer::new(gpu, "statistics", Statistics::ROWS * capacity)?,
         })
     }
 
     pub(super) fn grow(&mut self, growth: &Growth<'_>) -> Result<(), GpuError> {
         self.means.grow(growth, "means")?;
         self.color.grow(growth, "color head")?;
-        self.language.grow(growth, "language head")?;
-        growth.grow(&mut self.statistics, "statistics", Statistics::ROWS)
+        self.language.grow(growth, "language head")
     }
 
     /// Every array, in a fixed order.
@@ -246,16 +240,14 @@ impl Arrays {
         let mut arrays = Vec::new();
         for kind in kinds {
             let width = ROW_WORDS * kind.rows;
-            arrays.push(Array { buffer: &kind.values, width, state: false });
+            arrays.push(Array { buffer: &kind.values, width });
             for buffer in [&kind.first, &kind.second] {
-                arrays.push(Array { buffer, width, state: true });
+                arrays.push(Array { buffer, width });
             }
         }
         for buffer in [&color.steps, &language.steps] {
-            arrays.push(Array { buffer, width: 1, state: true });
+            arrays.push(Array { buffer, width: 1 });
         }
-        let width = ROW_WORDS * Statistics::ROWS;
-        arrays.push(Array { buffer: &self.statistics, width, state: true });
         arrays
     }
 }

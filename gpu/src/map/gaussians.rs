@@ -1,7 +1,6 @@
-//! The map on the device: one mean and two heads per Gaussian, with the optimiser's moments and
-//! statistics of the last views.
+//! The map on the device: one mean and two heads per Gaussian, and the moments of the optimiser.
 //!
-//! Disentanglement is this type: color and language share the mean and nothing else.
+//! Color and language share the mean and nothing else (disentanglement; the paper, section 4.3).
 
 use std::sync::Arc;
 
@@ -10,12 +9,14 @@ use crate::map::arrays;
 use crate::map::arrays::{Arrays, MapSlice};
 use crate::map::host::{HostGaussians, HostHead};
 use crate::map::rows::pad_rows;
-use crate::map::statistics::Statistics;
 use crate::map::tools::Tools;
-use crate::shader::layout::{INDEX_MASK, Row};
+use crate::shader::layout::Row;
 
 /// Most channels of a feature.
 pub const MAX_CHANNELS: usize = 64;
+
+/// Most Gaussians of a map.
+const MAX_GAUSSIANS: u64 = (1 << 30) - 1;
 
 /// Gaussians that the first allocation makes room for, at least.
 const FIRST_CAPACITY: usize = 1024;
@@ -70,8 +71,6 @@ impl Gaussians {
         arrays.means.write(&self.gpu, &mut encoder, self.len, &means);
         arrays.color.write(&self.gpu, &mut encoder, self.len, &more.color);
         arrays.language.write(&self.gpu, &mut encoder, self.len, &more.language);
-        let (start, rows) = (Statistics::ROWS * self.len, Statistics::ROWS * more.len());
-        arrays::clear_rows(&mut encoder, &arrays.statistics, start, rows);
         self.gpu.queue().submit([encoder.finish()]);
         self.len += more.len();
         Ok(())
@@ -175,7 +174,7 @@ impl Gaussians {
             return Ok(());
         }
         let widest = arrays::widest_bytes(self.channels) as u64;
-        let most = (largest_binding(&self.gpu) / widest).min(u64::from(INDEX_MASK));
+        let most = (largest_binding(&self.gpu) / widest).min(MAX_GAUSSIANS);
         if len as u64 > most {
             let bytes = (len as u64).saturating_mul(widest);
             let reason = format!("the adapter holds at most {most} gaussians of this kind");

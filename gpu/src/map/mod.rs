@@ -1,13 +1,12 @@
 //! The map on the device, and what rearranges it.
 
 mod arrays;
-pub mod densify;
 mod gaussians;
 mod host;
 pub mod morton;
+pub mod prune;
+mod rearrange;
 pub(crate) mod rows;
-mod statistics;
-mod surgery;
 #[cfg(test)]
 mod tests;
 mod tools;
@@ -15,6 +14,5 @@ mod tools;
 pub use arrays::{Arrays, Head, HeadKind, Parameters};
 pub use gaussians::{Gaussians, MAX_CHANNELS};
 pub use host::{HostGaussians, HostHead};
-pub use statistics::Statistics;
 
 pub(crate) use arrays::MapSlice;

@@ -4,8 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::device::{Buffer, Gpu};
 use crate::map::arrays::Growth;
-use crate::map::densify::DensifyRules;
-use crate::map::{Gaussians, HostGaussians, HostHead, Parameters, Statistics};
+use crate::map::{Gaussians, HostGaussians, HostHead, Parameters};
 use crate::shader::layout::Row;
 
 const CHANNELS: usize = 6;
@@ -62,24 +61,30 @@ fn map(gpu: &Gpu, len: usize) -> Gaussians {
         let of = |i: usize| (10 * i + head + 1) as u32;
         buffer.write(gpu, 0, &(0..len).map(of).collect::<Vec<_>>());
     }
-    map.set_statistics(&(0..len).map(seen).collect::<Vec<_>>()).expect("one each");
     map
 }
 
-fn seen(i: usize) -> Statistics {
-    Statistics {
-        gradient_sum: if i.is_multiple_of(3) { 1.0 } else { 0.0 },
-        views: 1.0,
-        largest_radius: if i % 7 == 2 { 99.0 } else { 9.0 },
-        weight_sum: i as f32,
-        touched_pixels: 2.0 * i as f32,
-        largest_weight: 0.25,
+/// Makes the Gaussians without a flag transparent in both heads.
+fn fade(gpu: &Gpu, map: &Gaussians, keep: &[bool]) {
+    let arrays = map.arrays.as_ref().expect("there are arrays");
+    for head in [&arrays.color, &arrays.language] {
+        let mut rows = head.geometry.values.read(gpu, 2 * keep.len()).expect("reads");
+        for (row, keep) in rows.iter_mut().skip(1).step_by(2).zip(keep) {
+            row[3] = if *keep { 1.0 } else { -9.0 };
+        }
+        head.geometry.values.write(gpu, 0, &rows);
     }
 }
 
-/// Errs if the map is not, array by array, what `source` makes of the marked map; `None` is state
-/// that starts at zero.
-fn compare(gpu: &Gpu, map: &Gaussians, source: &[(usize, bool)]) -> Result<(), String> {
+/// Makes the Gaussians without a flag transparent, and removes them.
+fn remove(gpu: &Gpu, map: &mut Gaussians, keep: &[bool]) {
+    fade(gpu, map, keep);
+    let removed = keep.iter().filter(|keep| !**keep).count();
+    assert_eq!(map.prune(0.1).expect("fits"), removed);
+}
+
+/// Returns an error unless the map is, array by array, what `source` makes of the marked map.
+fn compare(gpu: &Gpu, map: &Gaussians, source: &[usize]) -> Result<(), String> {
     let len = source.len();
     if map.len() != len {
         return Err(format!("{} gaussians, wanted {len}", map.len()));
@@ -87,88 +92,45 @@ fn compare(gpu: &Gpu, map: &Gaussians, source: &[(usize, bool)]) -> Result<(), S
     for (array, kind) in kinds(map).into_iter().enumerate() {
         for (moment, buffer) in [&kind.first, &kind.second].into_iter().enumerate() {
             let found = buffer.read(gpu, kind.rows * len).expect("reads");
-            let wanted = source.iter().flat_map(|(i, fresh)| match fresh {
-                true => vec![[0.0; 4]; kind.rows],
-                false => marked(*i, 2 * array + moment, kind.rows),
-            });
+            let wanted = source.iter().flat_map(|i| marked(*i, 2 * array + moment, kind.rows));
             if !found.iter().copied().eq(wanted) {
                 return Err(format!("moment {moment} of array {array}"));
             }
         }
     }
     for (head, buffer) in steps(map).into_iter().enumerate() {
-        let wanted = |(i, fresh): &(usize, bool)| match fresh {
-            true => 0,
-            false => (10 * i + head + 1) as u32,
-        };
-        if !buffer.read(gpu, len).expect("reads").into_iter().eq(source.iter().map(wanted)) {
+        let wanted = source.iter().map(|i| (10 * i + head + 1) as u32);
+        if !buffer.read(gpu, len).expect("reads").into_iter().eq(wanted) {
             return Err(format!("steps of head {head}"));
         }
-    }
-    let wanted = |(i, fresh): &(usize, bool)| match fresh {
-        true => Statistics::default(),
-        false => seen(*i),
-    };
-    if map.statistics().expect("reads") != source.iter().map(wanted).collect::<Vec<_>>() {
-        return Err("statistics".to_owned());
     }
     let host = map.to_host().expect("reads");
     let owner = |features: &[f32], channels| {
         features.iter().step_by(channels).map(|f| *f as usize).collect::<Vec<_>>()
     };
-    let owners: Vec<usize> = source.iter().map(|(i, _)| *i).collect();
-    let same = owner(&host.color.features, 3) == owners
-        && owner(&host.language.features, CHANNELS) == owners
-        && host.color.rotations.iter().map(|q| q[1] as usize).eq(owners.iter().copied());
+    let same = owner(&host.color.features, 3) == source
+        && owner(&host.language.features, CHANNELS) == source
+        && host.color.rotations.iter().map(|q| q[1] as usize).eq(source.iter().copied());
     if same { Ok(()) } else { Err("parameters".to_owned()) }
 }
 
-fn all_of(len: usize) -> Vec<(usize, bool)> {
-    (0..len).map(|i| (i, false)).collect()
+fn all_of(len: usize) -> Vec<usize> {
+    (0..len).collect()
 }
 
 #[test]
-fn retain_moves_state_with_its_gaussian() {
+fn pruning_moves_state_with_its_gaussian() {
     let gpu = gpu();
     let mut map = map(&gpu, 300);
     compare(&gpu, &map, &all_of(300)).expect("as it was made");
-    let keep: Vec<bool> = (0..300).map(|i| i % 5 != 1).collect();
-    map.retain(&keep).expect("fits");
+    // Gaussian 2 is nowhere, see [`map`].
+    let keep: Vec<bool> = (0..300).map(|i| i % 5 != 1 && i != 2).collect();
+    remove(&gpu, &mut map, &keep);
     let mut wanted = all_of(300);
-    wanted.retain(|(i, _)| keep[*i]);
+    wanted.retain(|i| keep[*i]);
     compare(&gpu, &map, &wanted).expect("state follows");
     wanted.swap(3, 4);
     assert!(compare(&gpu, &map, &wanted).is_err(), "two that changed places must show");
-}
-
-#[test]
-fn newborns_start_afresh_and_stand_next_to_their_origin() {
-    let gpu = gpu();
-    let mut map = map(&gpu, 1024);
-    let rules = DensifyRules {
-        min_gradient: 0.5,
-        clone_scale: 1.0,
-        min_opacity: 0.0,
-        max_scale: None,
-        either_head: false,
-        max_radius: Some(50.0),
-        max_gaussians: usize::MAX,
-        seed: 1,
-    };
-    let mut wanted = Vec::new();
-    for i in (0..1024).filter(|i| i % 7 != 2) {
-        wanted.push((i, false));
-        if i % 3 == 0 {
-            wanted.push((i, true));
-        }
-    }
-    let counts = map.densify(&rules).expect("fits");
-    assert_eq!(counts.len, wanted.len());
-    assert!(counts.len > 1024, "the map had to grow: {counts:?}");
-    compare(&gpu, &map, &wanted).expect("state follows");
-    let copy = wanted.iter().position(|(_, fresh)| *fresh).expect("there are copies");
-    wanted[copy].1 = false;
-    assert!(compare(&gpu, &map, &wanted).is_err(), "inherited state must show");
 }
 
 #[test]
@@ -176,8 +138,8 @@ fn morton_order_moves_state_and_puts_what_has_no_place_last() {
     let gpu = gpu();
     let mut map = map(&gpu, 200);
     map.reorder_morton().expect("fits");
-    let mut wanted: Vec<_> = all_of(200).into_iter().filter(|(i, _)| *i != 2).collect();
-    wanted.push((2, false));
+    let mut wanted: Vec<_> = all_of(200).into_iter().filter(|i| *i != 2).collect();
+    wanted.push(2);
     compare(&gpu, &map, &wanted).expect("on a diagonal the order is that of the axis");
 }
 
@@ -194,7 +156,7 @@ fn a_map_that_grew_in_part_is_as_it_was() {
     map.reserve(3000).expect("the rest grows, what has room stays");
     compare(&gpu, &map, &all_of(100)).expect("nothing moved");
     assert_eq!(map.capacity(), 3000);
-    map.retain(&[false; 100]).expect("fits");
+    remove(&gpu, &mut map, &[false; 100]);
     compare(&gpu, &map, &[]).expect("an empty map");
 }
 
@@ -224,12 +186,12 @@ fn peak(gpu: &Gpu, run: impl FnOnce(&AtomicU64)) -> u64 {
 }
 
 #[test]
-fn surgery_and_growth_need_one_array_more() {
+fn rearranging_and_growth_need_one_array_more() {
     let gpu = gpu();
     let len = 100_000;
     let mut map = map(&gpu, len);
-    map.retain_flagged(&Buffer::from_slice(&gpu, "all", &vec![1; len]).expect("fits"))
-        .expect("kernels compile");
+    remove(&gpu, &mut map, &(0..len).map(|i| i != 2).collect::<Vec<_>>()); // Compiles the kernels.
+    let len = map.len();
     let bytes = || {
         gpu.wait().expect("the device is there");
         peak(&gpu, |_| ())
@@ -244,13 +206,17 @@ fn surgery_and_growth_need_one_array_more() {
     };
     let morton = peak(&gpu, |_| map.reorder_morton().expect("fits"));
     let morton = report("morton", morton, before);
-    let retain = peak(&gpu, |_| map.retain(&keep).expect("fits"));
-    let retain = report("retain", retain, before);
+    fade(&gpu, &map, &keep);
+    bytes();
+    let mut removed = 0;
+    let prune = peak(&gpu, |_| removed = map.prune(0.1).expect("fits"));
+    assert_eq!(removed, keep.iter().filter(|keep| !**keep).count());
+    let prune = report("prune", prune, before);
     let grown = peak(&gpu, |_| map.reserve(2 * len).expect("fits"));
     let growth = report("growth", grown, bytes());
-    // Two rows, 32 bytes of 424 per Gaussian, are the widest array here; lists, staging and what
+    // Two rows, 32 bytes of 392 per Gaussian, are the widest array here; lists, staging and what
     // the device has not given back yet add to it. Whatever the other thread misses is less.
-    for (share, most) in [(morton, 0.2), (retain, 0.15), (growth, 0.15)] {
+    for (share, most) in [(morton, 0.2), (prune, 0.15), (growth, 0.15)] {
         assert!(share < most, "{share} of the map, at most {most}");
     }
     let resting = bytes();

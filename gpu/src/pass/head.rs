@@ -274,7 +274,7 @@ impl HeadPass {
     }
 
     /// What blending reads of the last view.
-    pub fn lists(&self) -> Lists<'_> {
+    fn lists(&self) -> Lists<'_> {
         let forward = self.forward();
         let arguments = self.arguments.as_ref().expect("projected before");
         Lists { arguments, splats: &forward.projected.splats, hits: &forward.hits }

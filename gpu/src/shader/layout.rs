@@ -108,14 +108,6 @@ constants! {
     BITS_PER_NAT: f32 = 1.442_695_1;
     /// Absolute values from here on count as not finite.
     HUGE: f32 = 1e30;
-    /// Bits of a rearrangement's entry that hold the index of the source.
-    INDEX_MASK: u32 = 0x3fff_ffff;
-    /// Marks a child of a split Gaussian in a rearrangement.
-    CHILD: u32 = 0x4000_0000;
-    /// Marks a newborn in a rearrangement: its optimiser state and statistics start at zero.
-    FRESH: u32 = 0x8000_0000;
-    /// Subtracted from the logarithms of a child's scales: ln 1.6 (Kerbl et al. 2023).
-    SPLIT_SHRINK: f32 = 0.470_003_63;
     /// Values per axis of a Morton code's cell.
     MORTON_CELLS: u32 = 1024;
     /// Key of what has no place: behind all Morton codes.
@@ -292,46 +284,12 @@ structs! {
         /// Fills the struct to 48 bytes.
         unused: u32 => "u32",
     }
-    /// For gathering elements.
-    GatherArguments {
-        /// Number of units to write: elements times units per element.
-        count: u32 => "u32",
-        /// Units per element.
-        width: u32 => "u32",
-        /// 1 to write zeros where an entry is marked as newborn, else 0.
-        fresh: u32 => "u32",
-    }
-    /// The rules of densification, as comparisons that need no arithmetic.
-    DensifyArguments {
+    /// For pruning.
+    PruneArguments {
         /// Number of Gaussians.
         count: u32 => "u32",
-        /// Most Gaussians that births may lead to.
-        max_gaussians: u32 => "u32",
-        /// Seed of the positions of children.
-        seed: u32 => "u32",
-        /// 1 if the language head's scales count for `max_log_scale` as well, else 0.
-        either_head: u32 => "u32",
-        /// Mean gradient from which a Gaussian gives birth.
-        min_gradient: f32 => "f32",
-        /// Largest log scale of a Gaussian that is cloned; a larger one is split.
-        clone_log_scale: f32 => "f32",
-        /// Opacity logit below which, in both heads, a Gaussian is pruned.
+        /// Opacity logit below which, in both heads, a Gaussian is removed.
         min_logit: f32 => "f32",
-        /// Log scale above which a Gaussian is pruned.
-        max_log_scale: f32 => "f32",
-        /// Radius on the screen, in pixels, above which a Gaussian is pruned.
-        max_radius: f32 => "f32",
-    }
-    /// What a rearrangement comes to.
-    SurgeryCounts {
-        /// Gaussians that are not pruned.
-        kept: u32 => "u32",
-        /// Gaussians that are added: one per clone and one per split.
-        born: u32 => "u32",
-        /// Those of `born` that come from a split.
-        split: u32 => "u32",
-        /// Gaussians afterwards.
-        total: u32 => "u32",
     }
     /// For Morton codes.
     MortonArguments {

@@ -13,7 +13,6 @@ use crate::train::loss::Loss;
 use crate::train::step::{
     COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
 };
-use crate::train::tally::{Found, Tally};
 use crate::train::ties::{Tie, Ties};
 
 /// Loss, sums, optimiser and ties, with their scratch buffers.
@@ -22,7 +21,6 @@ pub(super) struct StepKernels {
     reduce: Reduce,
     adam: Adam,
     tie: Tie,
-    tally: Tally,
     /// Which parameters the heads share.
     pub(super) ties: Ties,
     /// The results of the step that runs; see [`StepReport`](crate::train::StepReport).
@@ -55,7 +53,6 @@ impl StepKernels {
             reduce: Reduce::new(gpu)?,
             adam: Adam::new(gpu)?,
             tie: Tie::new(gpu)?,
-            tally: Tally::new(gpu)?,
             ties: Ties::default(),
             results: Buffer::new(gpu, "results", RESULT_ROWS)?,
             color: None,
@@ -210,15 +207,6 @@ impl StepKernels {
             let rows = (&pass.backward_buffers().gradients.moves, MOVE_ROWS);
             let gradients = Gradients { ranks, rows, corrections: &scratch.corrections, count };
             self.adam.update(recorder, &step.map.arrays.means, [[rates.mean; 4]; 2], gradients);
-            let lists = pass.lists();
-            let found = Found {
-                arguments: lists.arguments,
-                ranks,
-                corrections: &scratch.corrections,
-                gradients: &pass.backward_buffers().gradients,
-                splats: lists.splats,
-            };
-            self.tally.add(recorder, found, &step.map.arrays.statistics);
         }
         if !self.ties.is_none() {
             let head = if color { HeadKind::Color } else { HeadKind::Language };

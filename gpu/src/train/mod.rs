@@ -4,7 +4,6 @@ pub mod adam;
 mod kernels;
 pub mod loss;
 mod step;
-pub mod tally;
 mod target;
 pub mod ties;
 mod trainer;

@@ -112,7 +112,7 @@ fn an_empty_map_gives_the_background() {
     assert!(renderer.contributions(&gaussians, &camera).expect("reads").is_empty());
     gaussians.append(&support::scene(1, 5, 15, 0.2)).expect("fits");
     assert!(!dark(&render(&mut renderer, &gaussians, &camera)));
-    gaussians.retain(&[false; 5]).expect("fits");
+    assert_eq!(gaussians.prune(1.0).expect("fits"), 5, "no opacity is 1");
     assert!(gaussians.is_empty() && dark(&render(&mut renderer, &gaussians, &camera)));
 }
 
@@ -270,10 +270,12 @@ fn a_point_lands_on_the_pixel_that_the_camera_says() {
 fn appending_and_dropping_keep_the_others() {
     let gpu = support::gpu();
     let scene = support::scene(17, 2500, 15, 0.1);
-    let mut gaussians = map(&gpu, &support::scene(18, 10, 15, 0.1));
+    let mut dropped = support::scene(18, 10, 15, 0.1);
+    dropped.color.opacity_logits = vec![-9.0; 10];
+    dropped.language.opacity_logits = vec![-9.0; 10];
+    let mut gaussians = map(&gpu, &dropped);
     gaussians.append(&scene).expect("fits");
-    let keep: Vec<bool> = (0..2510).map(|i| i >= 10).collect();
-    gaussians.retain(&keep).expect("fits");
+    assert_eq!(gaussians.prune(0.001).expect("fits"), 10);
     assert_eq!(gaussians.to_host().expect("reads"), scene);
     let codes = vec![0.25; 2500 * 15];
     gaussians.set_language_features(&codes).expect("fits");
@@ -292,7 +294,6 @@ fn wrong_shapes_are_refused_by_name() {
     let error = gaussians.append(&scene).expect_err("a scale is missing");
     assert_eq!(error.to_string(), "log_scales: expected 4, found 3");
     assert!(gaussians.is_empty());
-    assert!(matches!(gaussians.retain(&[true]), Err(GpuError::ShapeMismatch { .. })));
     let mut renderer = Renderer::new(&gpu, 8).expect("compiles");
     let camera = support::camera(20, 10);
     let other = renderer.render_color(&gaussians, &camera);

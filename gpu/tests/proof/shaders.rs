@@ -14,7 +14,7 @@ fn catalogue(channels: usize, tiling: Tiling, shape: SortShape) -> Vec<Shader> {
     shaders.extend(primitives::sort::shaders(shape));
     shaders.extend(primitives::reduce::shaders());
     shaders.extend(primitives::gather::shaders());
-    shaders.extend(map::densify::shaders());
+    shaders.extend(map::prune::shaders());
     shaders.extend(map::morton::shaders());
     shaders.extend(pass::order::shaders());
     shaders.extend(pass::tiles::shaders(tiling, shape));
@@ -25,7 +25,6 @@ fn catalogue(channels: usize, tiling: Tiling, shape: SortShape) -> Vec<Shader> {
     shaders.extend(train::loss::shaders());
     shaders.extend(train::adam::shaders());
     shaders.extend(train::ties::shaders());
-    shaders.extend(train::tally::shaders());
     shaders.extend(track::pyramid::shaders());
     shaders.extend(track::align::shaders());
     shaders

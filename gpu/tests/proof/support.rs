@@ -49,3 +49,23 @@ pub fn scene(seed: u64, count: usize, channels: usize, size: f32) -> HostGaussia
     }
     gaussians
 }
+
+/// The chosen Gaussians of a map, in the order of `index`.
+pub fn pick(host: &HostGaussians, index: &[u32]) -> HostGaussians {
+    let head = |head: &HostHead| HostHead {
+        rotations: index.iter().map(|i| head.rotations[*i as usize]).collect(),
+        log_scales: index.iter().map(|i| head.log_scales[*i as usize]).collect(),
+        opacity_logits: index.iter().map(|i| head.opacity_logits[*i as usize]).collect(),
+        features: index
+            .iter()
+            .flat_map(|i| &head.features[*i as usize * head.channels..][..head.channels])
+            .copied()
+            .collect(),
+        channels: head.channels,
+    };
+    HostGaussians {
+        means: index.iter().map(|i| host.means[*i as usize]).collect(),
+        color: head(&host.color),
+        language: head(&host.language),
+    }
+}

@@ -6,8 +6,7 @@
 // The lanes' shares of a hit are added up in a fixed order and left as one record in the hit's own
 // slot. With p = dL/dpower and d = centre - pixel the rows of a record are
 //   0: sum p dx, sum p dy, sum p, sum w
-//   1: sum p dx^2, sum p dx dy, sum p dy^2, pixels that it reaches with more than half of the light
-//      left behind it
+//   1: sum p dx^2, sum p dx dy, sum p dy^2, 0
 //   2 and on: dL/dfeature
 // One dispatch takes CHUNK of ROWS feature rows; p is linear in them, so later ones add theirs.
 
@@ -70,7 +69,6 @@ fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
         let at_strip = footprint(place, form, vec2<f32>(strip_origin(corner, lane, $s)));
         let raw = select(vec4<f32>(0.0), at_strip.alpha, vec4<u32>(hit) < last[$s]);
         let alpha = min(raw, vec4<f32>(MAX_ALPHA));
-        let seen = (alpha > vec4<f32>(0.0)) & (transmittance[$s] > vec4<f32>(0.5));
         transmittance[$s] /= 1.0 - alpha;
         weights[$s] = alpha * transmittance[$s];
         var lit = vec4<f32>(0.0); // feature . g
@@ -89,8 +87,7 @@ fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
         let along = dot(p, at_strip.dx);
         first += vec4<f32>(along, total * at_strip.dy, total, dot(weights[$s], vec4<f32>(1.0)));
         second += vec4<f32>(dot(p, at_strip.dx * at_strip.dx), along * at_strip.dy,
-            total * at_strip.dy * at_strip.dy,
-            dot(select(vec4<f32>(0.0), vec4<f32>(1.0), seen), vec4<f32>(1.0)));
+            total * at_strip.dy * at_strip.dy, 0.0);
     }
     //end
     leave(other, 0u, first, lane);
@@ -119,7 +116,7 @@ fn store_record(slot: u32, lane: u32) {
         records[slot * RECORD + 1u] = second;
     } else {
         records[slot * RECORD] += vec4<f32>(first.xyz, 0.0);
-        records[slot * RECORD + 1u] += vec4<f32>(second.xyz, 0.0);
+        records[slot * RECORD + 1u] += second;
     }
     //repeat row CHUNK
     {

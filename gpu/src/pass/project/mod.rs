@@ -17,7 +17,7 @@ use crate::shader::{
 };
 
 /// Rows of the sums of the color head, and of the language head.
-pub(crate) const SUM_ROWS: [usize; 2] = [3, 2];
+const SUM_ROWS: [usize; 2] = [3, 2];
 /// Rows of [`HeadGradients::moves`].
 pub const MOVE_ROWS: usize = 3;
 

@@ -4,10 +4,10 @@
 pub mod adam;
 pub mod align;
 pub mod blend;
-pub mod densify;
 pub mod loss;
 pub mod morton;
 pub mod project;
+pub mod prune;
 pub mod pyramid;
 pub mod scan;
 pub mod sort;

@@ -1,8 +1,8 @@
 //! Removal of Gaussians that show nothing, and their order in memory. All on the device:
 //! the map does not come to the host for it.
 
-use super::{Mapper, MapperConfig};
-use lexsplat_gpu::{DensifyRules, GpuError};
+use super::Mapper;
+use lexsplat_gpu::GpuError;
 
 /// The map is brought into spatial order again when it has grown by this factor.
 const GROWTH_TO_REORDER: f64 = 1.3;
@@ -12,9 +12,9 @@ impl Mapper {
     /// one may be all that shows a far wall: it stays.
     pub(super) fn prune(&mut self) -> Result<(), GpuError> {
         self.trainer.settle(&mut self.gaussians)?;
-        let counts = self.gaussians.densify(&rules(&self.config))?;
-        if counts.pruned > 0 {
-            tracing::debug!(map = self.map.name(), removed = counts.pruned, "pruned");
+        let removed = self.gaussians.prune(self.config.prune_opacity)?;
+        if removed > 0 {
+            tracing::debug!(map = self.map.name(), removed, "pruned");
         }
         if self.gaussians.len() as f64 > GROWTH_TO_REORDER * self.ordered_len as f64 {
             self.gaussians.reorder_morton()?;
@@ -24,23 +24,9 @@ impl Mapper {
     }
 }
 
-/// Prunes and gives no births: the mapper inserts by need instead.
-fn rules(config: &MapperConfig) -> DensifyRules {
-    DensifyRules {
-        min_gradient: f32::INFINITY,
-        clone_scale: 1.0,
-        min_opacity: config.prune_opacity,
-        max_scale: None,
-        either_head: false,
-        max_radius: None,
-        max_gaussians: config.max_gaussians,
-        seed: 0,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::super::MapperConfig;
     use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, HostHead};
 
     /// Whether a Gaussian with these opacity logits, log scale and place stays.
@@ -60,7 +46,7 @@ mod tests {
         };
         let mut map = Gaussians::new(&gpu, 15);
         map.append(&one).expect("fits");
-        map.densify(&rules(&MapperConfig::default())).expect("prunes");
+        map.prune(MapperConfig::default().prune_opacity).expect("prunes");
         !map.is_empty()
     }
 
