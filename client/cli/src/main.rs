@@ -1,10 +1,15 @@
 //! The command line `lexsplat`: turns arguments into calls of one file per command, and results into
 //! exit codes (0 done, 1 failed, 2 wrong usage).
 
+mod answer;
 mod bench;
 mod choices;
 mod command;
 mod dataset;
+mod files;
+mod progress;
+mod runtime;
+mod server;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -31,13 +36,13 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Ablate(arguments) => command::wait(command::ablate::run(&arguments)),
-        Command::Bench(arguments) => command::wait(command::bench::run(&arguments)),
-        Command::Demo(arguments) => command::wait(command::demo::run(&arguments)),
-        Command::Evaluate(arguments) => command::wait(command::evaluate::run(&arguments)),
-        Command::Export(arguments) => command::wait(command::export::run(&arguments)),
-        Command::Query(arguments) => command::wait(command::query::run(&arguments)),
-        Command::Stream(arguments) => command::wait(command::stream::run(&arguments)),
+        Command::Ablate(arguments) => runtime::wait(command::ablate::run(&arguments)),
+        Command::Bench(arguments) => runtime::wait(command::bench::run(&arguments)),
+        Command::Demo(arguments) => runtime::wait(command::demo::run(&arguments)),
+        Command::Evaluate(arguments) => runtime::wait(command::evaluate::run(&arguments)),
+        Command::Export(arguments) => runtime::wait(command::export::run(&arguments)),
+        Command::Query(arguments) => runtime::wait(command::query::run(&arguments)),
+        Command::Stream(arguments) => runtime::wait(command::stream::run(&arguments)),
         Command::Synth(arguments) => command::synth::run(&arguments),
     };
     match result {

@@ -26,6 +26,7 @@ mod space;
 mod stages;
 mod statistics;
 mod step;
+pub mod table;
 mod trajectory;
 mod views;
 mod words;

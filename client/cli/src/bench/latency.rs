@@ -1,29 +1,28 @@
-//! Latencies in a few numbers.
+//! Percentiles of latencies.
 
 use serde::Serialize;
 use std::time::Duration;
 
-/// Milliseconds; all 0 if there was nothing.
+/// Percentiles in milliseconds; all 0 without measurements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Latencies {
-    /// How many there were.
+    /// Number of measurements.
     pub count: usize,
-    /// Half are shorter.
+    /// Median.
     pub p50: f64,
-    /// Nine of ten are shorter.
+    /// 90th percentile.
     pub p90: f64,
-    /// 99 of 100 are shorter.
+    /// 99th percentile.
     pub p99: f64,
-    /// The longest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Latencies {
-    /// Of all that were measured, exactly: there are few enough to sort.
+    /// Exact percentiles (nearest rank).
     pub fn of(mut all: Vec<Duration>) -> Self {
         all.sort_unstable();
         let Some(max) = all.last() else { return Self::default() };
-        // Nearest rank: the least that this share does not exceed.
         let rank = |share: f64| (share * all.len() as f64).ceil().max(1.0) as usize - 1;
         let [p50, p90, p99] = [0.5, 0.9, 0.99].map(|share| millis(all[rank(share)]));
         Self { count: all.len(), p50, p90, p99, max: millis(*max) }

@@ -4,15 +4,15 @@
 //! A variant is the default with some settings changed; beside the default they are all measured in
 //! one run, so that their differences mean something on a machine whose speed does not stay the same.
 
-use super::evaluate::{measure_own, write};
-use super::server::{Plan, beside_this};
-use super::table::{Align, table};
+use super::measure::{measure_own, write};
 use crate::dataset::DatasetSpec;
-use anyhow::{Context as _, Result, bail};
+use crate::files::{make_folder, save};
+use crate::server::{Plan, beside_this};
+use anyhow::{Result, bail};
 use lexsplat_client::dataset::{Dataset, FrameRange};
 use lexsplat_client::stream::{Encoder, Poses};
+use lexsplat_evaluate::table::{Column, markdown_table, table};
 use lexsplat_evaluate::{Options, Report};
-use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -126,15 +126,14 @@ pub async fn run(arguments: &Ablate) -> Result<()> {
     let (columns, rows) = (columns(), rows(&measured));
     print!("{}", table(&columns, &rows));
     let page = arguments.out.join("ablation.md");
-    let text = markdown(&measured[0].1, &columns.map(|(name, _)| name), &rows);
-    std::fs::write(&page, text).with_context(|| format!("cannot write {}", page.display()))?;
+    save(&page, markdown(&measured[0].1, &columns, &rows))?;
     println!("\nreport     {}", page.display());
     Ok(())
 }
 
 async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) -> Result<Report> {
     let out = arguments.out.join(variant.name);
-    std::fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
+    make_folder(&out)?;
     let plan = Plan {
         program: arguments.server.clone().map_or_else(beside_this, Ok)?,
         config: None,
@@ -154,12 +153,12 @@ async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) 
     Ok(evaluation.report)
 }
 
-fn columns() -> [(&'static str, Align); 9] {
+fn columns() -> [Column<'static>; 9] {
     let names =
         ["variant", "PSNR, dB", "SSIM", "ATE, cm", "mIoU", "Loc", "AP", "s/frame", "what it is"];
     names.map(|name| match name {
-        "variant" | "what it is" => (name, Align::Left),
-        _ => (name, Align::Right),
+        "variant" | "what it is" => Column::left(name),
+        _ => Column::right(name),
     })
 }
 
@@ -185,17 +184,14 @@ fn rows(measured: &[(&Variant, Report)]) -> Vec<Vec<String>> {
     measured.iter().map(row).collect()
 }
 
-fn markdown(report: &Report, columns: &[&str], rows: &[Vec<String>]) -> String {
-    let mut page = format!(
+fn markdown(report: &Report, columns: &[Column<'_>], rows: &[Vec<String>]) -> String {
+    format!(
         "# {}: {} frames, poses estimated, {}\n\nEach variant is the default with one thing changed; \
          language is the true classes' names per pixel unless said otherwise. PSNR and SSIM of \
-         held-out views, mIoU at 0.5, seconds per frame with all work done.\n\n",
-        report.dataset, report.frames, report.adapter
-    );
-    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-    let owned: Vec<String> = columns.iter().map(|name| (*name).to_owned()).collect();
-    page += &line(&owned);
-    let _ = writeln!(page, "|{}", "---|".repeat(columns.len()));
-    rows.iter().for_each(|row| page += &line(row));
-    page
+         held-out views, mIoU at 0.5, seconds per frame with all work done.\n\n{}",
+        report.dataset,
+        report.frames,
+        report.adapter,
+        markdown_table(columns, rows)
+    )
 }

@@ -1,11 +1,12 @@
-//! `lexsplat bench`: robots and questions at a constant rate against a running server; how long frames and
-//! answers take, counted from when they were due.
+//! `lexsplat bench`: a load test of a running server. Prints latencies, counted from the times that
+//! frames and queries were due.
 
-use super::table::{Align, table};
 use crate::bench::{self, Latencies, Plan, Report};
 use crate::dataset::DatasetSpec;
-use anyhow::{Context as _, Result, ensure};
+use crate::files::save;
+use anyhow::{Result, ensure};
 use lexsplat_client::dataset::{Dataset, FrameRange};
+use lexsplat_evaluate::table::{Column, table};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -78,8 +79,7 @@ pub async fn run(arguments: &Bench) -> Result<()> {
     let report = bench::run(&plan, datasets).await?;
     print!("{}", described(&report));
     if let Some(path) = &arguments.json {
-        std::fs::write(path, serde_json::to_vec_pretty(&report)?)
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        save(path, serde_json::to_vec_pretty(&report)?)?;
     }
     Ok(())
 }
@@ -106,16 +106,15 @@ fn described(report: &Report) -> String {
         let count = latency.count.to_string();
         [vec![what.to_owned(), count], rates.to_vec(), times.to_vec()].concat()
     };
-    let right = |name| (name, Align::Right);
     let columns = [
-        ("", Align::Left),
-        right("count"),
-        right("due/s"),
-        right("done/s"),
-        right("p50 ms"),
-        right("p90 ms"),
-        right("p99 ms"),
-        right("max ms"),
+        Column::left(""),
+        Column::right("count"),
+        Column::right("due/s"),
+        Column::right("done/s"),
+        Column::right("p50 ms"),
+        Column::right("p90 ms"),
+        Column::right("p99 ms"),
+        Column::right("max ms"),
     ];
     let half = queries.due_per_second / 2.0;
     let share = |latency: &Latencies| {

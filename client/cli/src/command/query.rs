@@ -1,15 +1,14 @@
-//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes pictures. Several
-//! texts are `super::segment`'s.
+//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes images. Several
+//! texts are handled by [`super::segment`].
 
 use super::segment;
-use super::table::{Align, table};
+use crate::answer::{best_object, metres, shown};
+use crate::files::{make_folder, save, save_image};
 use anyhow::{Context as _, Result};
-use image::{Rgb, RgbImage};
 use lexsplat_client::http::{
     Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, View, project,
 };
-use lexsplat_client::npy;
-use lexsplat_evaluate::overlay;
+use lexsplat_evaluate::table::{Column, table};
 use std::path::{Path, PathBuf};
 
 /// Ask a map where something is, or which of several things is what
@@ -51,11 +50,7 @@ pub struct Query {
     json: bool,
 }
 
-/// Color of boxes in pictures.
-pub const BOX: Rgb<u8> = Rgb([255, 214, 10]);
-/// More boxes than these hide the picture.
-pub const MOST_BOXES: usize = 3;
-/// From where a thing of a room is seen best.
+/// Distance from which an object is seen best.
 const GOOD_DISTANCE_METRES: f64 = 1.8;
 
 /// Runs the command.
@@ -68,14 +63,14 @@ pub async fn run(arguments: &Query) -> Result<()> {
         return segment::run(&asked, out).await;
     }
     let answer = client.query(map, &question).await?;
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    make_folder(out)?;
     if *json {
         println!("{}", serde_json::to_string_pretty(&answer)?);
     } else {
         print!("{}", described(&answer));
     }
     if let Some(link) = &answer.points {
-        save(&out.join("points.ply"), &client.points_ply(link).await?)?;
+        save(&out.join("points.ply"), client.points_ply(link).await?)?;
     }
     match (frame, best_object(&answer)) {
         (Some(sequence), _) => pictures(&client, &answer, *sequence, out).await?,
@@ -116,19 +111,14 @@ impl Query {
     }
 }
 
-/// As many numbers, with commas between them.
+/// `N` numbers, separated by commas.
 fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
     let parts: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let parts = parts.ok().and_then(|parts| <[f32; N]>::try_from(parts).ok());
     parts.ok_or_else(|| format!("expected {N} numbers with commas between them, found {text:?}"))
 }
 
-/// The answer's best object, if it has one.
-pub fn best_object(answer: &Answer) -> Option<&Object> {
-    answer.objects.as_deref().and_then(|objects| objects.first())
-}
-
-/// The keyframe that sees a point well: near its middle and from a good distance.
+/// The keyframe that sees a point best: near the middle of the image and from a good distance.
 fn best_view(frames: &[Keyframe], point: [f64; 3]) -> Option<&Keyframe> {
     let cost = |frame: &Keyframe| {
         let [u, v, z] = project(frame, point)?;
@@ -145,30 +135,11 @@ fn best_view(frames: &[Keyframe], point: [f64; 3]) -> Option<&Keyframe> {
 async fn pictures(client: &HttpClient, answer: &Answer, sequence: u64, out: &Path) -> Result<()> {
     let link = answer.heatmap.as_ref().context("the server's answer has no heat map")?;
     let (relevancy, file) = client.heatmap(link).await?;
-    save(&out.join("heatmap.npy"), &file)?;
-    save(&out.join("heatmap.png"), &client.heatmap_png(link).await?)?;
+    save(&out.join("heatmap.npy"), file)?;
+    save(&out.join("heatmap.png"), client.heatmap_png(link).await?)?;
     let render = client.render_png(&answer.map, sequence).await?;
     let render = image::load_from_memory(&render).context("the server's picture")?.to_rgb8();
-    let path = out.join("overlay.png");
-    shown(&render, &relevancy, answer)
-        .save(&path)
-        .with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// A picture with an answer's heat, best boxes and peak.
-pub fn shown(picture: &RgbImage, relevancy: &npy::Array, answer: &Answer) -> RgbImage {
-    let mut picture = overlay::heat(picture, relevancy);
-    for bounds in answer.boxes.iter().flatten().take(MOST_BOXES) {
-        overlay::outline(&mut picture, bounds, BOX);
-    }
-    if let Some(peak) = &answer.peak {
-        overlay::ring(&mut picture, peak.x, peak.y);
-    }
-    picture
-}
-
-pub(super) fn save(path: &Path, bytes: &[u8]) -> Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    save_image(&out.join("overlay.png"), &shown(&render, &relevancy, answer))
 }
 
 /// An answer as text.
@@ -198,8 +169,7 @@ fn described(answer: &Answer) -> String {
 }
 
 fn boxes_table(boxes: &[PixelBox]) -> String {
-    let right = |name| (name, Align::Right);
-    let columns = ["box", "score", "x px", "y px", "width px", "height px"].map(right);
+    let columns = ["box", "score", "x px", "y px", "width px", "height px"].map(Column::right);
     let rows: Vec<Vec<String>> = boxes
         .iter()
         .enumerate()
@@ -212,10 +182,10 @@ fn boxes_table(boxes: &[PixelBox]) -> String {
 }
 
 fn objects_table(objects: &[Object]) -> String {
-    let right = |name| (name, Align::Right);
     let distances = objects.iter().any(|object| object.distance.is_some());
-    let mut columns = ["object", "score", "centre m", "size m", "points"].map(right).to_vec();
-    columns.extend(distances.then_some(right("distance m")));
+    let mut columns =
+        ["object", "score", "centre m", "size m", "points"].map(Column::right).to_vec();
+    columns.extend(distances.then_some(Column::right("distance m")));
     let rows: Vec<Vec<String>> = objects
         .iter()
         .enumerate()
@@ -232,11 +202,6 @@ fn objects_table(objects: &[Object]) -> String {
         })
         .collect();
     table(&columns, &rows)
-}
-
-/// Three lengths, aligned among themselves.
-pub fn metres(lengths: [f32; 3]) -> String {
-    lengths.map(|length| format!("{length:6.2}")).join(" ")
 }
 
 #[cfg(test)]

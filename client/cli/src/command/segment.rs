@@ -1,24 +1,24 @@
-//! `lexsplat query` with several texts: which of them is what? Prints the legend, writes labels.png,
-//! labels.npy and overlay.png of a view, or points.ply of the space.
+//! `lexsplat query` with several texts: labels each pixel or Gaussian with the best of them. Prints the
+//! legend; writes labels.png, labels.npy and overlay.png of a view, or points.ply of the whole map.
 
-use super::query::save;
-use super::table::{Align, table};
+use crate::files::{make_folder, save, save_image};
 use anyhow::{Context as _, Result};
 use image::RgbImage;
 use lexsplat_client::http::{HttpClient, LegendEntry, Question, Segmentation};
 use lexsplat_evaluate::overlay;
+use lexsplat_evaluate::table::{Column, table};
 use std::path::Path;
 
-/// Share of the labels' colors in the overlay.
+/// Weight of the labels' colors in the overlay.
 const STRENGTH: f32 = 0.55;
 
-/// What was asked, and how the answer is shown.
+/// A query with several texts, and how the answer is shown.
 pub struct Asked<'a> {
     /// The server.
     pub client: &'a HttpClient,
     /// The map.
     pub map: &'a str,
-    /// With several texts.
+    /// The question, with several texts.
     pub question: &'a Question,
     /// Print the answer as JSON.
     pub json: bool,
@@ -28,32 +28,29 @@ pub struct Asked<'a> {
 pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     let Asked { client, map, question, json } = asked;
     let found = client.segment(map, question).await?;
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    make_folder(out)?;
     match json {
         true => println!("{}", serde_json::to_string_pretty(&found)?),
         false => print!("{}", described(&found)),
     }
     if let Some(link) = &found.points {
-        save(&out.join("points.ply"), &client.points_ply(link).await?)?;
+        save(&out.join("points.ply"), client.points_ply(link).await?)?;
     }
     let frame = question.view.as_ref().and_then(|view| view.frame);
     if let (Some(link), Some(frame)) = (&found.labels, frame) {
         let png = client.labels(link, "image/png").await?;
         save(&out.join("labels.png"), &png)?;
-        save(&out.join("labels.npy"), &client.labels(link, "application/x-npy").await?)?;
+        save(&out.join("labels.npy"), client.labels(link, "application/x-npy").await?)?;
         let render = client.render_png(map, frame).await?;
         let render = image::load_from_memory(&render).context("the server's picture")?.to_rgb8();
         let labels = image::load_from_memory(&png).context("the server's labels")?.to_rgba8();
-        let path = out.join("overlay.png");
-        shown(&render, &labels, &found.legend)
-            .save(&path)
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        save_image(&out.join("overlay.png"), &shown(&render, &labels, &found.legend))?;
     }
     eprintln!("files are in {}", out.display());
     Ok(())
 }
 
-/// The picture in the labels' colors, with a line for each text above it.
+/// The image in the labels' colors, with a line for each text above it.
 fn shown(picture: &RgbImage, labels: &image::RgbaImage, legend: &[LegendEntry]) -> RgbImage {
     let mut picture = picture.clone();
     let (width, height) = picture.dimensions();
@@ -76,7 +73,7 @@ fn shown(picture: &RgbImage, labels: &image::RgbaImage, legend: &[LegendEntry]) 
     overlay::stacked(&lines.chain([picture.clone()]).collect::<Vec<_>>())
 }
 
-/// As high as a caption.
+/// Side of a color sample in the legend, pixels: the height of a caption.
 const SWATCH: u32 = 24;
 
 /// `#rrggbb`; black if it is not.
@@ -89,7 +86,7 @@ fn color(text: &str) -> [u8; 3] {
 
 fn described(found: &Segmentation) -> String {
     let what = if found.labels.is_some() { "pixels" } else { "Gaussians" };
-    let columns = [("text", Align::Left), ("label", Align::Right), (what, Align::Right)];
+    let columns = [Column::left("text"), Column::right("label"), Column::right(what)];
     let row = |entry: &LegendEntry| {
         let share = format!("{:.1} %", entry.share * 100.0);
         vec![entry.text.clone(), entry.label.to_string(), share]

@@ -3,10 +3,10 @@
 
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
+use crate::progress::{progress_bar, show};
 use anyhow::{Result, bail};
-use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::dataset::FrameRange;
-use lexsplat_client::stream::{FrameStatus, Progress, StreamOptions, Summary, stream};
+use lexsplat_client::stream::{StreamOptions, Summary, stream};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
@@ -90,30 +90,6 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         ),
         _ => Ok(()),
     }
-}
-
-/// A bar for `frames` frames, on standard error.
-pub fn progress_bar(frames: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {msg}")
-        .expect("the template is constant");
-    ProgressBar::new(frames).with_style(style)
-}
-
-/// Moves the bar.
-pub fn show(bar: &ProgressBar, progress: &Progress) {
-    bar.set_length(progress.total);
-    bar.set_position(progress.acknowledged);
-    let state = match progress.status {
-        FrameStatus::Tracked => "tracking",
-        FrameStatus::Relocalised => "relocalised",
-        FrameStatus::Refused => "refused",
-        FrameStatus::Lost | FrameStatus::Unspecified => "lost",
-        FrameStatus::Opened => "opened",
-    };
-    bar.set_message(format!(
-        "{:.1} frames/s  {state}  queue {}/{}",
-        progress.frames_per_second, progress.queue_depth, progress.queue_capacity
-    ));
 }
 
 fn print(summary: &Summary) {

@@ -4,6 +4,7 @@
 mod example;
 mod page;
 mod paper;
+mod protocol;
 mod record;
 mod rows;
 

@@ -3,7 +3,7 @@
 //! heat maps and verdicts. It prints and writes nothing.
 
 use super::questions::{self, Sight};
-use crate::command::query::best_object;
+use crate::answer::best_object;
 use crate::dataset::DatasetSpec;
 use anyhow::{Context as _, Result, bail};
 use lexsplat_client::dataset::{Dataset, Instance, Mask, Truth};

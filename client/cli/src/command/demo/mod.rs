@@ -5,11 +5,12 @@ mod ask;
 mod questions;
 mod report;
 
-use super::interrupted;
-use super::server::{self, Plan, Server};
-use super::stream::{progress_bar, show};
 use crate::choices::Poses;
 use crate::dataset::DatasetSpec;
+use crate::files::make_folder;
+use crate::progress::{progress_bar, show};
+use crate::runtime::interrupted;
+use crate::server::{self, Plan, Server};
 use anyhow::{Context as _, Result, bail};
 use ask::{Asked, Asker};
 use image::RgbImage;
@@ -74,7 +75,7 @@ pub async fn run(arguments: &Demo) -> Result<()> {
     };
     let dataset: Arc<dyn Dataset> = Arc::from(arguments.dataset.open(range)?);
     let out = &arguments.out;
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    make_folder(out)?;
     let plan = Plan {
         program: arguments.server.clone().map_or_else(server::beside_this, Ok)?,
         config: arguments.config.clone(),

@@ -2,13 +2,14 @@
 //! each question, a contact sheet and a page. In: answers, the frames they are about. Out: text, files.
 
 use super::ask::Asked;
-use crate::command::query::{BOX, MOST_BOXES, best_object, metres, shown};
-use crate::command::table::{Align, table};
+use crate::answer::{BOX, MOST_BOXES, best_object, metres, shown};
+use crate::files::{save, save_image};
 use anyhow::{Context as _, Result};
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{self, FilterType};
 use image::{ExtendedColorType, ImageEncoder as _, RgbImage};
 use lexsplat_evaluate::overlay;
+use lexsplat_evaluate::table::{Column, table};
 use std::path::Path;
 
 /// Larger pictures are shown at this width.
@@ -17,18 +18,17 @@ const JPEG_QUALITY: u8 = 88;
 
 /// All answers as a table, and how many are right.
 pub fn answers_table(asked: &[Asked]) -> String {
-    use Align::{Left, Right};
     let columns = [
-        ("question", Left),
-        ("frame", Right),
-        ("present", Left),
-        ("confidence", Right),
-        ("peak px", Right),
-        ("score", Right),
-        ("hit", Left),
-        ("3D centre m", Left),
-        ("hit", Left),
-        ("ms", Right),
+        Column::left("question"),
+        Column::right("frame"),
+        Column::left("present"),
+        Column::right("confidence"),
+        Column::right("peak px"),
+        Column::right("score"),
+        Column::left("hit"),
+        Column::left("3D centre m"),
+        Column::left("hit"),
+        Column::right("ms"),
     ];
     table(&columns, &asked.iter().map(row).collect::<Vec<_>>())
 }
@@ -122,9 +122,8 @@ pub fn write(out: &Path, asked: &[Asked], pictures: &[RgbImage], heading: &str) 
              The ring is the peak.\n";
     for (one, picture) in asked.iter().zip(pictures) {
         let name = slug(&one.text);
-        let path = out.join(format!("{name}.png"));
-        picture.save(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        put(&out.join(format!("{name}.npy")), &one.npy)?;
+        save_image(&out.join(format!("{name}.png")), picture)?;
+        save(&out.join(format!("{name}.npy")), &one.npy)?;
         page += &format!("\n## {}\n![{}]({name}.png)\n", one.text, one.text);
     }
     let sheet = overlay::stacked(pictures);
@@ -132,12 +131,8 @@ pub fn write(out: &Path, asked: &[Asked], pictures: &[RgbImage], heading: &str) 
     JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY)
         .write_image(&sheet, sheet.width(), sheet.height(), ExtendedColorType::Rgb8)
         .context("cannot encode demo.jpg")?;
-    put(&out.join("demo.jpg"), &jpeg)?;
-    put(&out.join("report.md"), page.as_bytes())
-}
-
-fn put(path: &Path, bytes: &[u8]) -> Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    save(&out.join("demo.jpg"), &jpeg)?;
+    save(&out.join("report.md"), page)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
-//! People who ask whenever a question is due, whether or not the last has been answered.
+//! Queries at a constant rate: each is asked when it is due, whether or not the last one is answered.
 
-use super::{Latencies, Plan, QueryReport};
+use super::plan::Plan;
+use super::report::QueryReport;
 use lexsplat_client::http::{HttpClient, Question};
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,14 +9,14 @@ use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
-/// Questions that may wait for their answers; one that is due beyond that is counted and not asked.
+/// Queries that may wait for answers; one that is due beyond that is counted and not asked.
 const MOST_WAITING: usize = 1024;
-/// The frame that questions about views are about: every map begins with it.
+/// The frame of queries about a view: the first of every map.
 const FRAME: u64 = 0;
-/// How often an empty map is looked at.
+/// Interval at which an empty map is checked for its first frames.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Everybody who asks.
+/// Asks all queries.
 pub(super) struct Asker {
     http: HttpClient,
     maps: Vec<String>,
@@ -23,7 +24,7 @@ pub(super) struct Asker {
     per_second: f64,
 }
 
-/// What became of a question.
+/// The outcome of one query.
 struct Asked {
     about_view: bool,
     latency: Result<Duration, String>,
@@ -39,7 +40,8 @@ impl Asker {
         }
     }
 
-    /// Asks what is due from when every map can be asked until `end`, and waits for the answers.
+    /// Asks the queries that are due until `end`, once every map has frames, and waits for the
+    /// answers.
     pub(super) async fn run(
         self,
         mut started: watch::Receiver<usize>,
@@ -86,11 +88,12 @@ impl Asker {
                 Err(error) => report.fail(error.to_string()),
             }
         }
-        report.answered_within(latencies, begin.elapsed());
+        let [space, view] = latencies;
+        report.set_answered(view, space, begin.elapsed());
         report
     }
 
-    /// Waits until every map has shown its frames to readers; false if one cannot be asked.
+    /// Waits until every map has frames; false if a request fails.
     async fn readable(&self) -> bool {
         for map in &self.maps {
             loop {
@@ -104,7 +107,7 @@ impl Asker {
         true
     }
 
-    /// Texts in turn; view and space in turn; maps in turn.
+    /// Query `number`: texts, kinds (view, whole map) and maps take turns.
     fn question(&self, number: usize) -> (HttpClient, String, Question) {
         let text = &self.texts[number / 2 % self.texts.len()];
         let question = match number % 2 {
@@ -112,22 +115,6 @@ impl Asker {
             _ => Question::in_space(text),
         };
         (self.http.clone(), self.maps[number / 2 % self.maps.len()].clone(), question)
-    }
-}
-
-impl QueryReport {
-    fn fail(&mut self, reason: String) {
-        self.failed += 1;
-        self.first_failure.get_or_insert(reason);
-    }
-
-    /// `[space, view]`.
-    fn answered_within(&mut self, [space, view]: [Vec<Duration>; 2], all: Duration) {
-        self.answered = (space.len() + view.len()) as u64;
-        self.answered_per_second = self.answered as f64 / all.as_secs_f64().max(f64::MIN_POSITIVE);
-        self.latency_ms = Latencies::of([&space[..], &view[..]].concat());
-        self.view_latency_ms = Latencies::of(view);
-        self.space_latency_ms = Latencies::of(space);
     }
 }
 
@@ -153,7 +140,7 @@ mod tests {
         assert_eq!(asked(4), ("a".into(), Some("lamp".into()), true));
     }
 
-    /// The latency of a question counts from when it was due, though the server let it wait.
+    /// The latency of a query counts from the time that it was due, also if the server is late.
     #[tokio::test]
     async fn a_stalled_server_cannot_hide_its_stall() {
         use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};

@@ -1,6 +1,6 @@
-//! A robot that sends a frame whenever one is due, whatever the server has to say about the last.
+//! A robot that sends frames at a constant rate, whether or not the last one is acknowledged.
 
-use super::{BenchError, Plan};
+use super::plan::{BenchError, Plan};
 use lexsplat_client::dataset::{Dataset, RgbdFrame};
 use lexsplat_client::stream::{
     Acks, ClientError, FrameSender, FrameStatus, FrameStream, MapSpec, Poses,
@@ -10,12 +10,12 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-/// Frames between a robot and its connection. Frames that find no room wait, and their latency runs.
+/// Frames queued between a robot and its connection. Further ones wait, and their latency counts.
 const BETWEEN: usize = 2;
-/// The most frames that are kept ready; longer runs go back and forth over them.
+/// Frames kept in memory; longer runs go back and forth over them.
 const MOST_FRAMES: usize = 300;
 
-/// What became of a robot's frames.
+/// The outcome of a robot's frames.
 #[derive(Default)]
 pub(super) struct Sent {
     pub sent: u64,
@@ -61,8 +61,8 @@ impl Robot {
         Ok(Self { frames, period, outbound, acks })
     }
 
-    /// Sends what is due between `begin` and `end` and waits for every acknowledgement; the first adds
-    /// one to `first_acks`.
+    /// Sends the frames that are due between `begin` and `end` and waits for every acknowledgement;
+    /// the first one adds one to `first_acks`.
     pub(super) async fn run(
         self,
         begin: Instant,
@@ -104,7 +104,7 @@ impl Robot {
     }
 }
 
-/// The frame for a number: back and forth over those that there are, so that the camera never jumps.
+/// Frame `number`: back and forth over the frames in memory, so that the camera never jumps.
 fn numbered(frames: &[RgbdFrame], number: u64, period: Duration) -> RgbdFrame {
     let mut frame = frames[back_and_forth(number, frames.len())].clone();
     frame.sequence = number;

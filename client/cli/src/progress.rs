@@ -1,0 +1,28 @@
+//! Progress bars on standard error.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use lexsplat_client::stream::{FrameStatus, Progress};
+
+/// A bar for `frames` frames.
+pub fn progress_bar(frames: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {msg}")
+        .expect("the template is constant");
+    ProgressBar::new(frames).with_style(style)
+}
+
+/// Shows the progress of a stream on the bar.
+pub fn show(bar: &ProgressBar, progress: &Progress) {
+    bar.set_length(progress.total);
+    bar.set_position(progress.acknowledged);
+    let state = match progress.status {
+        FrameStatus::Tracked => "tracking",
+        FrameStatus::Relocalised => "relocalised",
+        FrameStatus::Refused => "refused",
+        FrameStatus::Lost | FrameStatus::Unspecified => "lost",
+        FrameStatus::Opened => "opened",
+    };
+    bar.set_message(format!(
+        "{:.1} frames/s  {state}  queue {}/{}",
+        progress.frames_per_second, progress.queue_depth, progress.queue_capacity
+    ));
+}
