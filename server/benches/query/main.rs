@@ -9,14 +9,14 @@ use anyhow::Context as _;
 use lexsplat_gpu::{Gpu, HostGaussians};
 use lexsplat_server::pipeline::compressor::{CompressorConfig, OnlineStage, online};
 use lexsplat_server::pipeline::encoder::LanguageConfig;
-use lexsplat_server::pipeline::frame::Intrinsics;
+use lexsplat_server::pipeline::frame::{Intrinsics, TrackedFrame};
 use lexsplat_server::pipeline::network::{
     Bundle, Tensor, TextNetworks, VisionNetworks, VisionStages,
 };
 use lexsplat_server::pipeline::query::{
     Contest, Outputs, Place, Query, QueryConfig, QueryThread, Timing, View,
 };
-use lexsplat_server::pipeline::snapshot::{MapSnapshot, TrackedFrame};
+use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use nalgebra::Isometry3;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

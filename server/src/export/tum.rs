@@ -1,6 +1,6 @@
 //! Trajectories as TUM text: `timestamp tx ty tz qx qy qz qw`, camera-to-world.
 
-use crate::pipeline::snapshot::TrackedFrame;
+use crate::pipeline::frame::TrackedFrame;
 use std::fmt::Write as _;
 
 const NANOS_PER_SECOND: u64 = 1_000_000_000;

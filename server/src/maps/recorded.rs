@@ -3,7 +3,7 @@
 use super::error::MapsError;
 use crate::check::Opening;
 use crate::pipeline::engine::Engine;
-use crate::pipeline::map::{Map, MapError, SenderGuard};
+use crate::pipeline::map::{Map, MapError, StreamGuard};
 use crate::store::{Log, Store};
 use lexsplat_proto::v1;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ pub(crate) struct RecordedMaps {
 /// The right to send frames to a map; a map has at most one. Dropping it frees the map for the next
 /// sender.
 pub(crate) struct Recording {
-    sender: SenderGuard,
+    sender: StreamGuard,
     /// `None` if the server has no data directory.
     log: Option<Arc<Log>>,
 }

@@ -3,7 +3,7 @@
 use super::recorded::RecordedMaps;
 use crate::check::{self, Limits, Opening};
 use crate::pipeline::engine::Engine;
-use crate::pipeline::map::SenderGuard;
+use crate::pipeline::map::StreamGuard;
 use crate::store::{Records, StoreError};
 use lexsplat_proto::v1::{self, frame_message::Message};
 
@@ -34,7 +34,7 @@ struct Replay<'a> {
     engine: &'a Engine,
     limits: &'a Limits,
     /// Set by the log's first record.
-    sender: Option<(SenderGuard, Opening)>,
+    sender: Option<(StreamGuard, Opening)>,
     /// Frames sent to the mapper.
     frames: u64,
 }

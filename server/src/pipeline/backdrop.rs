@@ -1,30 +1,33 @@
-//! What a frame shows and did not measure: out of the sensor's range, through glass, in the shadow of
-//! an edge.
+//! The backdrop: Gaussians for pixels that have color but no depth.
 //!
-//! Left open, it is black, and what surrounds it grows into it until the map is full of haze. It gets
-//! Gaussians behind everything that was measured: whatever is measured later stands in front of them.
-//! They have color and no language: a place that nobody knows is no answer to "where". So they are
-//! known by the opacity of their language heads, which no optimiser step changes, because no pixel sees
-//! them.
+//! Depth is missing out of the sensor's range, behind glass and in the shadow of an edge. Without Gaussians
+//! of their own such pixels are black, and the optimiser grows their neighbours into them until the map is
+//! full of haze. So they get Gaussians behind everything that was measured: whatever is measured later
+//! stands in front of them.
+//!
+//! Backdrop Gaussians have color and no language, because their place is a guess. They are recognised by the
+//! opacity of their language head. No optimiser step changes it, because no pixel sees that head.
 
-use super::working::Working;
+use super::downsampled_frame::DownsampledFrame;
 use lexsplat_gpu::{HostGaussians, HostHead};
 
-/// Logit of the language opacity of what has no known place: nothing, and far from what optimising reaches.
-pub(super) const NOWHERE: f32 = -30.0;
+/// Logit of the language opacity of a backdrop Gaussian: fully transparent, far below what optimisation
+/// reaches.
+pub(super) const BACKDROP_LOGIT: f32 = -30.0;
 
-/// The picture with so many metres wherever nothing was measured.
-pub(super) fn filled(working: &Working, metres: f32) -> Working {
+/// The frame with a depth of `metres` wherever nothing was measured.
+pub(super) fn filled(frame: &DownsampledFrame, metres: f32) -> DownsampledFrame {
     let fill = |depth: &f32| if *depth > 0.0 { *depth } else { metres };
-    Working { depth_metres: working.depth_metres.iter().map(fill).collect(), ..working.clone() }
+    let depth_metres = frame.depth_metres.iter().map(fill).collect();
+    DownsampledFrame { depth_metres, ..frame.clone() }
 }
 
-/// Whether a Gaussian with this logit of its language opacity is of a backdrop.
+/// Whether a Gaussian with this language opacity logit belongs to the backdrop.
 pub(super) fn is_of_backdrop(language_logit: f32) -> bool {
-    language_logit < NOWHERE / 2.0
+    language_logit < BACKDROP_LOGIT / 2.0
 }
 
-/// The map without backdrops: what has a place that was measured.
+/// A copy of the map without its backdrop.
 pub(super) fn without(map: &HostGaussians) -> HostGaussians {
     let logits = &map.language.opacity_logits;
     let kept: Vec<usize> = (0..map.len()).filter(|&at| !is_of_backdrop(logits[at])).collect();

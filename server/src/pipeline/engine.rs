@@ -2,8 +2,9 @@
 
 use super::compressor::CompressorConfig;
 use super::encoder::{LanguageConfig, LanguageThread};
-use super::map::{Map, MapError};
-use super::mapper::{self, MapperConfig};
+use super::map::{Map, MapError, Message};
+use super::map_thread::{self, StageConfigs};
+use super::mapper::MapperConfig;
 use super::network::{Bundle, BundleError};
 use super::query::{
     self, Answer, Contest, Mesh, Picture, Query, QueryConfig, QueryError, QueryThread,
@@ -127,7 +128,9 @@ impl Engine {
                 return Err(MapError::TooMany { limit });
             }
         }
-        let (map, thread) = mapper::spawn(name, &self.gpu, &self.language, &self.config)
+        let PipelineConfig { compressor, tracker, mapper, .. } = &self.config;
+        let configs = StageConfigs { compressor, tracker, mapper };
+        let (map, thread) = map_thread::spawn(name, &self.gpu, &self.language, configs)
             .map_err(|reason| MapError::Failed { name: name.into(), reason })?;
         self.locked().insert(name.into(), Running { map: map.clone(), thread });
         Ok(map)
@@ -236,13 +239,13 @@ impl Engine {
     }
 }
 
-/// Tells the mapper to stop behind what is in its queue, and waits for its thread.
+/// Tells the map's thread to stop behind what is in its queue, and waits for it.
 async fn stop(running: Running) {
-    // An error means that the mapper has already stopped.
-    let _ = running.map.control().send(super::map::Event::Stop).await;
+    // An error means that the thread has already stopped.
+    let _ = running.map.sender().send(Message::Stop).await;
     let joined = tokio::task::spawn_blocking(move || running.thread.join()).await;
     if !matches!(joined, Ok(Ok(()))) {
-        tracing::error!(map = running.map.name(), "a mapper's thread panicked");
+        tracing::error!(map = running.map.name(), "a map's thread panicked");
     }
 }
 

@@ -1,8 +1,9 @@
-//! What goes through the pipeline: a checked RGB-D frame and what became of it.
+//! What goes through the pipeline: a checked RGB-D frame, its pose and its outcome.
 //!
-//! A [`Frame`] is only made by `ingest`, which has checked everything about it; nothing behind that
-//! edge checks again. Wire types never get here.
+//! A [`Frame`] has been checked where it entered the server; nothing in the pipeline checks it again.
+//! Wire types never get here.
 
+use super::exposure;
 use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
 
@@ -53,34 +54,34 @@ pub struct Frame {
     pub depth_metres: Arc<[f32]>,
     /// The given pose, rigid and finite; `None` if the server is to track.
     pub world_from_camera: Option<Isometry3<f64>>,
-    /// What the robot thinks, where the server is to track.
+    /// The robot's own estimate of its pose, where the server is to track.
     pub hint: Option<Box<PoseHint>>,
-    /// What the robot says that it shows; `None`: the networks are to look.
+    /// Labels sent with the frame; `None`: the networks find its language.
     pub labels: Option<Labels>,
-    /// Whether it is only tracked and never a keyframe.
+    /// Whether the frame is only tracked and never becomes a keyframe.
     pub held_out: bool,
 }
 
-/// Language that is given: a text for each pixel.
+/// Labels sent with a frame: a text for each pixel.
 #[derive(Clone, Debug)]
 pub struct Labels {
-    /// `[height * width]`; 0 is none, n is `texts[n - 1]`; none is greater than there are texts.
+    /// `[height * width]`; 0 is no label, n stands for `texts[n - 1]`; n is at most the number of texts.
     pub ids: Arc<[u16]>,
-    /// What labels stand for; an empty text says nothing.
+    /// The text of each label; an empty text counts as no label.
     pub texts: Arc<[String]>,
 }
 
-/// Where a robot thinks that it is.
+/// A robot's own estimate of its pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseHint {
     /// The pose, rigid and finite.
     pub world_from_camera: Isometry3<f64>,
-    /// Covariance of a left perturbation [rho metres, theta radians], finite, symmetric, with no
-    /// negative eigenvalue; `None`: no more than a place to put a map's first frame.
+    /// Covariance of a left perturbation [rho metres, theta radians]: finite, symmetric, positive
+    /// semi-definite. Without one the estimate only places a map's first frame.
     pub covariance: Option<Matrix6<f64>>,
 }
 
-/// What the tracker says of a frame.
+/// Whether the newest frame has a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrackingState {
     /// No frame yet.
@@ -102,14 +103,50 @@ impl TrackingState {
     }
 }
 
-/// What became of one frame.
+/// The estimated or given pose of one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TrackedPose {
+    pub world_from_camera: Isometry3<f64>,
+    /// Exposure (a, b): the map's intensity is exp(a) times the frame's plus b.
+    pub exposure: [f64; 2],
+    /// Whether the tracker estimated the pose; otherwise it was given.
+    pub is_estimated: bool,
+    /// Whether the pose was found again after the camera was lost or had jumped.
+    pub relocalised: bool,
+}
+
+/// A tracked frame's place on the trajectory.
+#[derive(Clone, Copy, Debug)]
+pub struct TrackedFrame {
+    /// Sequence number of the frame.
+    pub sequence: u64,
+    /// Time of capture, nanoseconds.
+    pub timestamp_nanos: u64,
+    /// Pose of the camera.
+    pub world_from_camera: Isometry3<f64>,
+    /// Exposure (a, b): the frame's color is exp(a) times the map's plus b.
+    pub exposure: [f32; 2],
+}
+
+impl TrackedFrame {
+    pub(super) fn new(frame: &Frame, tracked: &TrackedPose) -> Self {
+        Self {
+            sequence: frame.sequence,
+            timestamp_nanos: frame.timestamp_nanos,
+            world_from_camera: tracked.world_from_camera,
+            exposure: exposure::inverse(tracked.exposure).map(|value| value as f32),
+        }
+    }
+}
+
+/// The result of mapping one frame.
 #[derive(Clone, Debug)]
 pub struct FrameOutcome {
     /// The frame's sequence.
     pub sequence: u64,
     /// Whether it has a pose.
     pub tracking: TrackingState,
-    /// Whether the frame before had none, so that the pose was found anew.
+    /// Whether the pose was found again after the camera was lost.
     pub relocalised: bool,
     /// Its pose, if tracked.
     pub world_from_camera: Option<Isometry3<f64>>,

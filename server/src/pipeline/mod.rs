@@ -1,21 +1,26 @@
-//! The paper's pipeline: tracker, encoder, srd, compressor, mapper, query; one folder each.
+//! The paper's pipeline, one folder for each stage: tracker, encoder, SRD, compressor, mapper, query.
 //!
-//! In: checked [`frame::Frame`]s and [`query::Query`]s. Out: acknowledgements, snapshots, answers.
-//! Each map has one thread that owns its live state; all maps share one thread that owns the networks
-//! for keyframes and one that answers queries from snapshots. Nothing here knows gRPC or HTTP.
+//! In: checked [`frame::Frame`]s and [`query::Query`]s. Out: outcomes, snapshots, answers. One thread for each
+//! map owns its live state. All maps share one thread that owns the vision networks and one that answers
+//! questions from snapshots. Nothing here knows gRPC or HTTP.
 
 mod backdrop;
 mod bilinear;
 pub mod compressor;
+mod downsampled_frame;
 pub mod encoder;
 pub mod engine;
+mod exposure;
 pub mod frame;
+mod keyframes;
+mod live_map;
 pub mod map;
+mod map_thread;
 pub mod mapper;
 pub mod network;
+mod pose_adam;
 pub mod query;
 pub mod range;
 pub mod snapshot;
 pub mod srd;
 pub mod tracker;
-mod working;

@@ -1,21 +1,21 @@
-//! An immutable view of a map for readers: queries, renders and exports never touch live state.
+//! An immutable copy of a map for readers. Queries, renders and exports never touch the live map.
 
 use super::compressor::OnlineStage;
-use super::frame::Intrinsics;
+use super::frame::{Intrinsics, TrackedFrame};
 use lexsplat_gpu::HostGaussians;
-use nalgebra::Isometry3;
 use std::sync::Arc;
 
-/// A map as it was at one revision. Cheap to share, never changed.
+/// A map at one revision. Cloning shares the data.
 #[derive(Clone)]
 pub struct MapSnapshot {
     /// The map's name.
     pub map: String,
     /// Increases with every snapshot.
     pub revision: u64,
-    /// All Gaussians; language codes are of `online`'s version. A code of all zeros is "no language yet".
+    /// All Gaussians. Their language codes belong to `online`'s version; a code of zeros means "no language
+    /// yet".
     pub gaussians: Arc<HostGaussians>,
-    /// The online compressor's state (32 -> 15) that the codes belong to.
+    /// The online compressor (32 to 15 dimensions) that decodes the codes.
     pub online: Arc<dyn OnlineStage>,
     /// The camera of the stream; `None` while the map is empty.
     pub intrinsics: Option<Intrinsics>,
@@ -23,19 +23,6 @@ pub struct MapSnapshot {
     pub trajectory: Arc<Vec<TrackedFrame>>,
     /// The keyframes, in order.
     pub keyframes: Arc<Vec<KeyframeInfo>>,
-}
-
-/// A tracked frame's place on the trajectory.
-#[derive(Clone, Copy, Debug)]
-pub struct TrackedFrame {
-    /// The frame's sequence.
-    pub sequence: u64,
-    /// When it was taken.
-    pub timestamp_nanos: u64,
-    /// Where the camera was.
-    pub world_from_camera: Isometry3<f64>,
-    /// (a, b): the frame shows exp(a) of the map's color + b.
-    pub exposure: [f32; 2],
 }
 
 /// A keyframe as readers see it.

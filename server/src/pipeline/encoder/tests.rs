@@ -182,7 +182,7 @@ fn a_frame_becomes_unit_codes_that_follow_the_image() {
 }
 
 #[test]
-fn a_full_queue_gives_the_frame_back() {
+fn a_full_queue_gives_the_frame_back_and_tells_when_it_has_room() {
     let config = LanguageConfig { queue: 1, ..LanguageConfig::default() };
     let thread = LanguageThread::start(vision_only(), no_texts(), &config).expect("a thread");
     let image = |sequence| Frame { sequence, ..frame(8, 8, |_, _| [7; 3]) };
@@ -195,15 +195,20 @@ fn a_full_queue_gives_the_frame_back() {
         may_go_on.recv().expect("the test goes on");
         first_done.send(result.is_ok()).expect("the test listens");
     };
-    assert!(thread.try_submit(image(1), held).is_ok());
+    let no_room_needed = || panic!("the queue had room");
+    assert!(thread.submit(image(1), held, no_room_needed).is_ok());
     has_started.recv().expect("the first one runs");
     // The first frame occupies the thread, the second the queue; the third is refused.
     let reply = move |result: Result<LanguageMap, String>| {
         done.send(result.is_ok()).expect("the test listens");
     };
-    assert!(thread.try_submit(image(2), reply).is_ok());
-    let refused = thread.try_submit(image(3), |_| panic!("it was never taken"));
+    assert!(thread.submit(image(2), reply, no_room_needed).is_ok());
+    let (room, has_room) = mpsc::sync_channel(1);
+    let on_room = move || room.send(()).expect("the test listens");
+    let refused = thread.submit(image(3), |_| panic!("it was never taken"), on_room);
     assert_eq!(refused.expect_err("the queue is full").sequence, 3);
+    assert_eq!(has_room.try_recv(), Err(mpsc::TryRecvError::Empty), "it is still full");
     go_on.send(()).expect("the thread waits");
+    has_room.recv().expect("the thread takes the second one");
     assert_eq!([results.recv(), results.recv()], [Ok(true), Ok(true)]);
 }

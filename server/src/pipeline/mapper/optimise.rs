@@ -1,60 +1,78 @@
-//! One optimiser step on one view: the one that had the fewest so far, or any.
+//! One optimiser step on one keyframe (paper §4.3): color and depth, language, or both.
 
-use super::steps::Step;
-use super::{Mapper, MapperConfig};
-use crate::telemetry::{MAPPING_SECONDS, timed};
-use lexsplat_gpu::{GpuError, HeadRates, LearningRates, LossWeights, TrainingView};
+use super::super::keyframes::{Keyframe, KeyframeStore};
+use super::super::live_map::{LiveMap, StepKind};
+use super::super::tracker::TrackerConfig;
+use super::config::MapperConfig;
+use super::{pose_refinement, prune};
+use lexsplat_gpu::{Gpu, GpuError, HeadRates, LearningRates, LossWeights, Trainer, TrainingView};
 use rand::Rng;
 use rand::seq::IteratorRandom as _;
 use std::cmp::Reverse;
 
-impl Mapper {
-    /// Takes one of the steps that are left.
-    pub(super) fn optimise_once(&mut self) -> Result<(), GpuError> {
-        timed(MAPPING_SECONDS, || self.step())
+/// Takes one step from the map's budget. Returns whether the map changed: it does not while no keyframe has
+/// what the step is to optimise.
+///
+/// # Errors
+/// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+pub(in super::super) fn step(
+    live: &mut LiveMap,
+    trainer: &mut Trainer,
+    gpu: &Gpu,
+    config: &MapperConfig,
+    tracker_config: &TrackerConfig,
+) -> Result<bool, GpuError> {
+    let Some(kind) = live.steps.take() else { return Ok(false) };
+    let Some(at) = draw_keyframe(&live.keyframes, &mut live.rng, kind.language) else {
+        return Ok(false);
+    };
+    let keyframe = live.keyframes.at_mut(at);
+    keyframe.steps += 1;
+    if let Some(language) = keyframe.language.as_mut().filter(|_| kind.language) {
+        language.refresh_target(gpu, live.online.as_ref())?;
     }
-
-    fn step(&mut self) -> Result<(), GpuError> {
-        let Some(Step { color, language }) = self.steps.take() else { return Ok(()) };
-        let Some(at) = self.draw(language) else { return Ok(()) };
-        self.keyframes[at].steps += 1;
-        if language {
-            self.refresh_target(at)?;
-        }
-        let keyframe = &self.keyframes[at];
-        let generic = keyframe.generic.as_ref().filter(|_| language);
-        let view = TrainingView {
-            camera: &keyframe.working.camera,
-            color: color.then_some(&keyframe.target),
-            language: generic.map(|generic| (&generic.camera, &generic.target)),
-            exposure: keyframe.frame.exposure,
-        };
-        let (weights, rates) = (weights(&self.config), rates(&self.config, self.steps.heat()));
-        self.trainer.step(&mut self.gaussians, &view, &weights, &rates)?;
-        self.changed = true;
-        if color && self.is_refined(at) {
-            self.refine(at)?;
-        }
-        if self.steps.is_time(self.config.prune_every) {
-            self.prune()?;
-        }
-        Ok(())
+    let rates = learning_rates(config, live.steps.learning_rate_decay());
+    let view = training_view(keyframe, kind);
+    trainer.step(&mut live.gaussians, &view, &loss_weights(config), &rates)?;
+    if kind.color && pose_refinement::applies(&live.keyframes, at, tracker_config) {
+        pose_refinement::refine(live, trainer, at, tracker_config)?;
     }
+    if live.steps.is_due(config.prune_every) {
+        prune::prune(live, trainer, config)?;
+    }
+    Ok(true)
+}
 
-    /// Half of the time any keyframe, half of the time the one that had the fewest steps, of equals the
-    /// newest: new ones catch up at once, and when the last have, all go on alike. Where language is to be
-    /// learned, of those that have theirs.
-    fn draw(&mut self, with_language: bool) -> Option<usize> {
-        let all = self.keyframes.iter().enumerate();
-        let all = all.filter(|(_, keyframe)| !with_language || keyframe.generic.is_some());
-        if self.rng.random_bool(0.5) {
-            return all.choose(&mut self.rng).map(|(at, _)| at);
-        }
-        all.min_by_key(|(at, keyframe)| (keyframe.steps, Reverse(*at))).map(|(at, _)| at)
+/// Chooses the keyframe of a step. Half of the steps go to a random keyframe, half to the one with the
+/// fewest steps so far, of equals the newest. New keyframes thus catch up at once, and all are replayed
+/// alike afterwards. With `needs_language` only keyframes that have language are considered.
+fn draw_keyframe(
+    keyframes: &KeyframeStore,
+    rng: &mut impl Rng,
+    needs_language: bool,
+) -> Option<usize> {
+    let candidates = keyframes.iter().enumerate();
+    let candidates =
+        candidates.filter(|(_, keyframe)| !needs_language || keyframe.language.is_some());
+    let drawn = if rng.random_bool(0.5) {
+        candidates.choose(rng)
+    } else {
+        candidates.min_by_key(|(at, keyframe)| (keyframe.steps, Reverse(*at)))
+    };
+    drawn.map(|(at, _)| at)
+}
+
+fn training_view(keyframe: &Keyframe, kind: StepKind) -> TrainingView<'_> {
+    let language = keyframe.language.as_ref().filter(|_| kind.language);
+    TrainingView {
+        camera: &keyframe.training.camera,
+        color: kind.color.then_some(&keyframe.target),
+        language: language.map(|language| (&language.camera, &language.target)),
+        exposure: keyframe.frame.exposure,
     }
 }
 
-fn weights(config: &MapperConfig) -> LossWeights {
+fn loss_weights(config: &MapperConfig) -> LossWeights {
     let loss = &config.loss;
     LossWeights {
         color: loss.color,
@@ -65,15 +83,16 @@ fn weights(config: &MapperConfig) -> LossWeights {
     }
 }
 
-fn rates(config: &MapperConfig, heat: f32) -> LearningRates {
+/// `decay` multiplies the rates of means and of the color head; language keeps its full rates.
+fn learning_rates(config: &MapperConfig, decay: f32) -> LearningRates {
     let rates = &config.rates;
     LearningRates {
-        mean: rates.mean * heat,
+        mean: rates.mean * decay,
         color: HeadRates {
-            rotation: rates.rotation * heat,
-            log_scale: rates.scale * heat,
-            opacity: rates.opacity * heat,
-            feature: rates.color * heat,
+            rotation: rates.rotation * decay,
+            log_scale: rates.scale * decay,
+            opacity: rates.opacity * decay,
+            feature: rates.color * decay,
         },
         language: HeadRates {
             rotation: rates.language_rotation,

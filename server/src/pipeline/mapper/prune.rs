@@ -1,32 +1,37 @@
-//! Removal of Gaussians that show nothing, and their order in memory. All on the device:
-//! the map does not come to the host for it.
+//! Removes transparent Gaussians and keeps the others in spatial order. Both happen on the device.
 
-use super::Mapper;
-use lexsplat_gpu::GpuError;
+use super::super::live_map::LiveMap;
+use super::config::MapperConfig;
+use lexsplat_gpu::{GpuError, Trainer};
 
-/// The map is brought into spatial order again when it has grown by this factor.
-const GROWTH_TO_REORDER: f64 = 1.3;
+/// Gaussians are sorted again when their number has grown by this factor.
+const GROWTH_TO_SORT: f64 = 1.3;
 
-impl Mapper {
-    /// Removes Gaussians that are transparent in **both** heads (paper §4.3), or not finite. A large
-    /// one may be all that shows a far wall: it stays.
-    pub(super) fn prune(&mut self) -> Result<(), GpuError> {
-        self.trainer.settle(&mut self.gaussians)?;
-        let removed = self.gaussians.prune(self.config.prune_opacity)?;
-        if removed > 0 {
-            tracing::debug!(map = self.map.name(), removed, "pruned");
-        }
-        if self.gaussians.len() as f64 > GROWTH_TO_REORDER * self.ordered_len as f64 {
-            self.gaussians.reorder_morton()?;
-            self.ordered_len = self.gaussians.len();
-        }
-        Ok(())
+/// Removes Gaussians that are transparent in **both** heads (paper §4.3) or not finite. Large ones stay: one
+/// of them may be all that shows a far wall.
+///
+/// # Errors
+/// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+pub(super) fn prune(
+    live: &mut LiveMap,
+    trainer: &mut Trainer,
+    config: &MapperConfig,
+) -> Result<(), GpuError> {
+    trainer.settle(&mut live.gaussians)?;
+    let removed = live.gaussians.prune(config.prune_opacity)?;
+    if removed > 0 {
+        tracing::debug!(removed, "pruned");
     }
+    if live.gaussians.len() as f64 > GROWTH_TO_SORT * live.sorted_len as f64 {
+        live.gaussians.reorder_morton()?;
+        live.sorted_len = live.gaussians.len();
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::MapperConfig;
+    use super::super::config::MapperConfig;
     use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, HostHead};
 
     /// Whether a Gaussian with these opacity logits, log scale and place stays.

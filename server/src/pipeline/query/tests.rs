@@ -6,8 +6,9 @@ use crate::pipeline::compressor::{
 };
 use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::frame::Intrinsics;
+use crate::pipeline::frame::TrackedFrame;
 use crate::pipeline::network::{Bundle, Tensor, TextNetworks};
-use crate::pipeline::snapshot::{MapSnapshot, TrackedFrame};
+use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{Gpu, HostGaussians};
 use nalgebra::Isometry3;
 use rand::{Rng, SeedableRng};

@@ -1,23 +1,23 @@
-//! Constant velocity: where the camera is likely to be next.
+//! Constant-velocity prediction of the next pose.
 //!
-//! In: tracked poses with their times. Out: the pose on the same screw after the next interval. A
-//! lost frame is not told, so it does not move the velocity.
+//! In: tracked poses with their times. Out: the pose on the same screw motion after the next interval. Lost
+//! frames are not added, so they do not change the velocity.
 
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Vector6};
 
-/// A pause of more frames than this is not bridged at full speed: by then the camera may have
-/// turned back.
+/// Most frames that a prediction bridges at full speed. After a longer pause the camera may have turned
+/// back.
 pub(super) const SHORT_PAUSE: f64 = 3.0;
-/// The longest pause that may be bridged at all.
+/// Most frames that a prediction bridges at all.
 pub(super) const LONG_PAUSE: f64 = 45.0;
 
-/// The newest tracked pose and the way it came.
+/// The newest tracked pose and the motion that led to it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Motion {
     last: Option<(Isometry3<f64>, u64)>,
-    /// Twist from the pose before to the last one in the camera's frame, and its nanoseconds.
-    way: Option<(Vector6<f64>, u64)>,
+    /// Twist from the pose before to the last one, in the camera's frame, and its duration in nanoseconds.
+    velocity: Option<(Vector6<f64>, u64)>,
 }
 
 impl Motion {
@@ -26,28 +26,28 @@ impl Motion {
         self.last.map(|(pose, _)| pose)
     }
 
-    /// `world_from_camera` at a time, but at most `longest` frames ahead, if any pose is known.
+    /// Predicts `world_from_camera` at a time, at most `longest` frames ahead; `None` before the first pose.
     pub fn predict(&self, nanos: u64, longest: f64) -> Option<Isometry3<f64>> {
         let (pose, since) = self.last?;
-        let Some((twist, interval)) = self.way else { return Some(pose) };
+        let Some((twist, interval)) = self.velocity else { return Some(pose) };
         let pause = nanos.saturating_sub(since) as f64;
         let share =
             if interval > 0 && pause > 0.0 { (pause / interval as f64).min(longest) } else { 1.0 };
         Some(pose * se3::exp(&(twist * share)))
     }
 
-    /// A frame was tracked, the one before it too.
+    /// Adds a tracked frame whose predecessor was tracked too.
     pub fn follow(&mut self, world_from_camera: Isometry3<f64>, nanos: u64) {
-        self.way = self.last.map(|(last, since)| {
+        self.velocity = self.last.map(|(last, since)| {
             let twist = se3::log(&(last.inverse() * world_from_camera));
             (twist, nanos.saturating_sub(since))
         });
         self.last = Some((world_from_camera, nanos));
     }
 
-    /// The camera is here, and how it came is not known.
+    /// Sets the pose after a jump: its velocity is unknown.
     pub fn restart(&mut self, world_from_camera: Isometry3<f64>, nanos: u64) {
-        *self = Self { last: Some((world_from_camera, nanos)), way: None };
+        *self = Self { last: Some((world_from_camera, nanos)), velocity: None };
     }
 }
 

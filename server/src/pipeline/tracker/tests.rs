@@ -1,7 +1,7 @@
 //! Whole sequences through a real map without poses: a textured room, ray-cast.
 
 use super::super::frame::{Frame, FrameOutcome, Intrinsics, PoseHint, TrackingState};
-use super::super::map::{Map, SenderGuard};
+use super::super::map::{Map, StreamGuard};
 use crate::test_support::engine;
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
@@ -58,7 +58,7 @@ fn behind() -> Isometry3<f64> {
 
 /// A map that is sent frames without poses.
 struct Robot {
-    sender: SenderGuard,
+    sender: StreamGuard,
     next: u64,
 }
 

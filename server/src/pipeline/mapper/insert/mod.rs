@@ -1,111 +1,122 @@
-//! New Gaussians, only where the map does not explain a keyframe.
+//! Inserts new Gaussians where the map does not explain a keyframe.
 //!
-//! In: a keyframe and the map rendered from its pose. Out: Gaussians appended, one per square of the
-//! picture, squares as large as the picture is flat. It must not move what is there.
+//! In: a keyframe and the map rendered from its pose. Out: Gaussians appended to the map, one for each cell
+//! of a quadtree over the image. Cells are large where the image is flat. Existing Gaussians are not moved.
 
-mod birth;
-mod cells;
-mod tried;
+mod disks;
+mod history;
+mod quadtree;
 
 use super::super::backdrop;
-use super::super::working::Working;
-use super::keyframe::Keyframe;
-use super::{Mapper, MapperConfig};
-use birth::newborns;
-use cells::{Cell, Grain, cells};
-use lexsplat_gpu::{ColorImage, GpuError};
+use super::super::downsampled_frame::DownsampledFrame;
+use super::super::keyframes::Keyframe;
+use super::super::live_map::LiveMap;
+use super::config::MapperConfig;
+use disks::new_gaussians;
+use history::InsertionHistory;
+use lexsplat_gpu::{ColorImage, GpuError, Trainer};
+use quadtree::{Cell, Subdivision, quadtree};
 use std::borrow::Cow;
-use tried::Tried;
 
-impl Mapper {
-    /// Appends what the keyframe shows and the map does not have.
-    pub(super) fn insert(&mut self, keyframe: &Keyframe) -> Result<(), GpuError> {
-        let rendered =
-            self.trainer.renderer().render_color(&self.gaussians, &keyframe.working.camera)?;
-        let room = self.config.max_gaussians.saturating_sub(self.gaussians.len());
-        let depths = keyframe.working.depth_metres.iter().copied();
-        self.farthest_metres = depths.fold(self.farthest_metres, f32::max);
-        let mut seen = keyframe.in_map_colors();
-        let backdrop = self.backdrop_metres();
-        if let Some(metres) = backdrop {
-            seen = Cow::Owned(backdrop::filled(&seen, metres));
-        }
-        let beyond = backdrop.unwrap_or(f32::INFINITY);
-        let tried = Tried {
-            pictures: self.keyframes.iter().map(|keyframe| &keyframe.working).collect(),
-            enough: self.config.insert_keyframes,
-        };
-        let born = unexplained(&seen, (&rendered, &tried), beyond, &self.config);
-        let kept = born.len().min(room);
-        if kept < born.len() {
-            tracing::warn!(
-                map = self.map.name(),
-                left_out = born.len() - kept,
-                "mapper.max_gaussians is reached"
-            );
-        }
-        let newborns = newborns(&seen, &born[..kept], beyond, self.online.code_size());
-        self.gaussians.append(&newborns)?;
-        self.changed = true;
-        Ok(())
-    }
-
-    /// How far away a picture's pixels are taken to be that have no depth.
-    fn backdrop_metres(&self) -> Option<f32> {
-        let metres = self.config.insert_backdrop * self.farthest_metres;
-        (metres > 0.0).then_some(metres)
-    }
-}
-
-/// The squares that get a Gaussian: where the map does not explain the frame, as fine as its detail.
-/// Depths of `beyond` and more are a backdrop's.
-fn unexplained(
-    working: &Working,
-    map: (&ColorImage, &Tried<'_>),
-    beyond: f32,
+/// Appends Gaussians for what the keyframe shows and the map does not have. The keyframe is not in the store
+/// yet.
+///
+/// # Errors
+/// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+pub(in super::super) fn insert(
+    live: &mut LiveMap,
+    trainer: &mut Trainer,
+    keyframe: &Keyframe,
     config: &MapperConfig,
-) -> Vec<Cell> {
-    let needs = |pixel| needs_gaussian(working, map, beyond, config, pixel);
-    let wanted: Vec<bool> = (0..working.camera.pixels()).map(needs).collect();
-    let grain = Grain {
-        max_side: config.insert_max_pixels as usize,
-        min_side: config.insert_min_pixels as usize,
-        detail: config.insert_detail,
-        relief: config.insert_depth_error,
+) -> Result<(), GpuError> {
+    let rendered = trainer.renderer().render_color(&live.gaussians, &keyframe.training.camera)?;
+    let depths = keyframe.training.depth_metres.iter().copied();
+    live.farthest_metres = depths.fold(live.farthest_metres, f32::max);
+    let mut image = keyframe.in_map_colors();
+    let backdrop_metres = config.insert_backdrop * live.farthest_metres;
+    let has_backdrop = backdrop_metres > 0.0;
+    if has_backdrop {
+        image = Cow::Owned(backdrop::filled(&image, backdrop_metres));
+    }
+    let history = InsertionHistory {
+        keyframes: live.keyframes.iter().map(|keyframe| &keyframe.training).collect(),
+        limit: config.insert_keyframes,
     };
-    cells(working, &wanted, grain)
+    let view = View {
+        image: &image,
+        rendered: &rendered,
+        history: &history,
+        backdrop_metres: if has_backdrop { backdrop_metres } else { f32::INFINITY },
+    };
+    let mut cells = view.unexplained(config);
+    let room = config.max_gaussians.saturating_sub(live.gaussians.len());
+    if cells.len() > room {
+        let left_out = cells.len() - room;
+        tracing::warn!(
+            left_out,
+            "mapper.max_gaussians is reached: some Gaussians are not inserted"
+        );
+        cells.truncate(room);
+    }
+    let code_size = live.online.code_size();
+    live.gaussians.append(&new_gaussians(&image, &cells, view.backdrop_metres, code_size))
 }
 
-/// Whether the map leaves this pixel open; or lies behind it or shows another color, and has not been told
-/// so often. Before a backdrop only what is open counts.
-fn needs_gaussian(
-    working: &Working,
-    (rendered, tried): (&ColorImage, &Tried<'_>),
-    beyond: f32,
-    config: &MapperConfig,
-    pixel: usize,
-) -> bool {
-    let measured = working.depth_metres[pixel];
-    if measured <= 0.0 {
-        return false;
+/// A keyframe beside what the map shows from its pose.
+struct View<'a> {
+    /// In the map's colors; depth filled with the backdrop's where nothing was measured.
+    image: &'a DownsampledFrame,
+    rendered: &'a ColorImage,
+    history: &'a InsertionHistory<'a>,
+    /// Depths from here on belong to the backdrop; infinite without one.
+    backdrop_metres: f32,
+}
+
+impl View<'_> {
+    /// The cells that get a Gaussian: where the map does not explain the image, as fine as its detail.
+    fn unexplained(&self, config: &MapperConfig) -> Vec<Cell> {
+        let needs = |pixel| self.needs_gaussian(config, pixel);
+        let wanted: Vec<bool> = (0..self.image.camera.pixels()).map(needs).collect();
+        let subdivision = Subdivision {
+            max_side: config.insert_max_pixels as usize,
+            min_side: config.insert_min_pixels as usize,
+            max_color_range: config.insert_detail,
+            max_depth_range: config.insert_depth_error,
+        };
+        quadtree(self.image, &wanted, subdivision)
     }
-    let opacity = rendered.opacity[pixel];
-    // A NaN in the picture is not opaque: it asks for a Gaussian.
-    let is_opaque = opacity >= config.insert_opacity;
-    if !is_opaque || measured >= beyond {
-        return !is_opaque;
+
+    /// Whether the map is transparent at this pixel, or lies behind the measured surface or has another
+    /// color and did not get Gaussians there too often already. A backdrop pixel counts only if the map is
+    /// transparent there.
+    fn needs_gaussian(&self, config: &MapperConfig, pixel: usize) -> bool {
+        let measured = self.image.depth_metres[pixel];
+        if measured <= 0.0 {
+            return false;
+        }
+        let opacity = self.rendered.opacity[pixel];
+        // Phrased so that a NaN counts as transparent.
+        let is_opaque = opacity >= config.insert_opacity;
+        if !is_opaque || measured >= self.backdrop_metres {
+            return !is_opaque;
+        }
+        let depth = self.rendered.depth[pixel] / opacity;
+        let is_behind = depth - measured > config.insert_depth_error * measured;
+        let on_surface = (depth - measured).abs() <= config.insert_depth_error * measured;
+        let is_unexplained =
+            is_behind || (on_surface && self.color_error(pixel) > config.insert_color_error);
+        is_unexplained && !self.history.is_exhausted(self.image, pixel)
     }
-    let depth = rendered.depth[pixel] / opacity;
-    let is_behind = depth - measured > config.insert_depth_error * measured;
-    let on_surface = (depth - measured).abs() <= config.insert_depth_error * measured;
-    let error = (0..3)
-        .map(|channel| {
-            let at = pixel * 3 + channel;
-            (rendered.rgb[at] - f32::from(working.rgb[at]) / 255.0).abs()
-        })
-        .sum::<f32>()
-        / 3.0;
-    (is_behind || (on_surface && error > config.insert_color_error)) && !tried.often(working, pixel)
+
+    /// Mean absolute difference of the channels, 0 to 1.
+    fn color_error(&self, pixel: usize) -> f32 {
+        let channels = pixel * 3..pixel * 3 + 3;
+        let rendered = self.rendered.rgb[channels.clone()].iter();
+        let errors = rendered
+            .zip(&self.image.rgb[channels])
+            .map(|(rendered, seen)| (rendered - f32::from(*seen) / 255.0).abs());
+        errors.sum::<f32>() / 3.0
+    }
 }
 
 #[cfg(test)]
@@ -115,11 +126,12 @@ mod tests {
     use nalgebra::Isometry3;
 
     const SIZE: usize = 8;
-    /// No keyframe was there before.
-    const UNTRIED: Tried<'static> = Tried { pictures: Vec::new(), enough: 8 };
+    /// No keyframe was inserted before.
+    const NO_HISTORY: InsertionHistory<'static> =
+        InsertionHistory { keyframes: Vec::new(), limit: 8 };
 
     /// A grey wall, 2 m away.
-    pub(super) fn working(size: usize) -> Working {
+    pub(super) fn wall(size: usize) -> DownsampledFrame {
         let centre = (size as f32 - 1.0) / 2.0;
         let camera = Camera {
             width: size as u32,
@@ -130,14 +142,14 @@ mod tests {
             cy: centre,
             camera_from_world: Isometry3::identity(),
         };
-        Working {
+        DownsampledFrame {
             camera,
             rgb: vec![128; size * size * 3].into(),
             depth_metres: vec![2.0; size * size].into(),
         }
     }
 
-    /// What a map that explains [`working`] perfectly would render.
+    /// What a map that explains [`wall`] perfectly renders.
     fn explained() -> ColorImage {
         ColorImage {
             width: SIZE as u32,
@@ -148,18 +160,28 @@ mod tests {
         }
     }
 
-    fn count(working: &Working, rendered: &ColorImage) -> usize {
-        unexplained(working, (rendered, &UNTRIED), f32::INFINITY, &MapperConfig::default()).len()
+    fn cells(
+        image: &DownsampledFrame,
+        rendered: &ColorImage,
+        history: &InsertionHistory<'_>,
+        backdrop_metres: f32,
+    ) -> Vec<Cell> {
+        let view = View { image, rendered, history, backdrop_metres };
+        view.unexplained(&MapperConfig::default())
+    }
+
+    fn count(image: &DownsampledFrame, rendered: &ColorImage) -> usize {
+        cells(image, rendered, &NO_HISTORY, f32::INFINITY).len()
     }
 
     #[test]
     fn nothing_is_inserted_where_the_map_explains_the_frame() {
-        assert_eq!(count(&working(SIZE), &explained()), 0);
+        assert_eq!(count(&wall(SIZE), &explained()), 0);
     }
 
     #[test]
     fn squares_are_filled_where_it_does_not() {
-        let wall = working(SIZE);
+        let wall = wall(SIZE);
         let squares = (SIZE / MapperConfig::default().insert_max_pixels as usize).pow(2);
         let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &open), squares, "nothing there");
@@ -169,41 +191,33 @@ mod tests {
         assert_eq!(count(&wall, &before), 0, "a floater in front hides, it does not miss");
         let other = ColorImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
         assert_eq!(count(&wall, &other), squares, "another color");
-        let often = Tried { pictures: vec![&wall; 8], enough: 8 };
-        let told = |map| {
-            let config = MapperConfig::default();
-            unexplained(&wall, (map, &often), f32::INFINITY, &config).len()
-        };
-        assert_eq!((told(&other), told(&behind)), (0, 0), "it was told so eight times");
-        assert_eq!(told(&open), squares, "what is open is always filled");
+        let history = InsertionHistory { keyframes: vec![&wall; 8], limit: 8 };
+        let later = |map| cells(&wall, map, &history, f32::INFINITY).len();
+        assert_eq!((later(&other), later(&behind)), (0, 0), "eight keyframes showed it already");
+        assert_eq!(later(&open), squares, "a transparent place is always filled");
         let broken = ColorImage { opacity: vec![f32::NAN; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &broken), squares, "a broken picture explains nothing");
     }
 
     #[test]
     fn what_is_not_measured_gets_a_backdrop_or_nothing() {
-        let blind = Working { depth_metres: vec![0.0; SIZE * SIZE].into(), ..working(SIZE) };
+        let blind = DownsampledFrame { depth_metres: vec![0.0; SIZE * SIZE].into(), ..wall(SIZE) };
         let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         assert_eq!(count(&blind, &open), 0);
-        let config = MapperConfig::default();
-        let before = backdrop::filled(&blind, 5.0);
-        assert!(before.depth_metres.iter().all(|depth| *depth == 5.0));
-        let cells = unexplained(&before, (&open, &UNTRIED), 5.0, &config);
-        assert_eq!(cells.len(), count(&working(SIZE), &open), "as a wall there");
-        // Whatever the map shows there hides it, in any color and at any depth.
+        let filled = backdrop::filled(&blind, 5.0);
+        assert!(filled.depth_metres.iter().all(|depth| *depth == 5.0));
+        let behind = cells(&filled, &open, &NO_HISTORY, 5.0);
+        assert_eq!(behind.len(), count(&wall(SIZE), &open), "as a wall there");
+        // Whatever the map shows there hides the backdrop, in any color and at any depth.
         let other = ColorImage { rgb: vec![0.0; SIZE * SIZE * 3], ..explained() };
-        assert!(unexplained(&before, (&other, &UNTRIED), 5.0, &config).is_empty());
-        // Negative control: what was measured at 5 m would be missing.
+        assert!(cells(&filled, &other, &NO_HISTORY, 5.0).is_empty());
+        // Negative control: a surface measured at 5 m would be missing.
         let farther = ColorImage { depth: vec![9.0; SIZE * SIZE], ..explained() };
-        assert!(!unexplained(&before, (&farther, &UNTRIED), f32::INFINITY, &config).is_empty());
-        assert!(unexplained(&before, (&farther, &UNTRIED), 5.0, &config).is_empty());
+        assert!(!cells(&filled, &farther, &NO_HISTORY, f32::INFINITY).is_empty());
+        assert!(cells(&filled, &farther, &NO_HISTORY, 5.0).is_empty());
 
-        let kept = |beyond| backdrop::without(&newborns(&before, &cells, beyond, 15)).len();
-        assert_eq!((kept(5.0), kept(5.1)), (0, cells.len()));
-        assert_eq!(
-            backdrop::filled(&working(SIZE), 5.0).depth_metres[0],
-            2.0,
-            "a measurement stays"
-        );
+        let kept = |beyond| backdrop::without(&new_gaussians(&filled, &behind, beyond, 15)).len();
+        assert_eq!((kept(5.0), kept(5.1)), (0, behind.len()));
+        assert_eq!(backdrop::filled(&wall(SIZE), 5.0).depth_metres[0], 2.0, "a measurement stays");
     }
 }

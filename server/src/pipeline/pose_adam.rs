@@ -1,7 +1,7 @@
-//! Adam on a pose and an exposure (paper §3, as the MonoGS system that it builds on tracks).
+//! Adam for a pose and an exposure (paper §3, as in MonoGS, the system that it builds on).
 //!
-//! In: gradients of eight unknowns [rho, theta, a, b]. Out: steps of about one in each, to be scaled by
-//! learning rates.
+//! In: gradients of the eight unknowns [rho, theta, a, b]. Out: steps of about 1 in each unknown, to be
+//! scaled by learning rates.
 
 use nalgebra::SVector;
 
@@ -9,17 +9,17 @@ const FIRST_MOMENT: f64 = 0.9;
 const SECOND_MOMENT: f64 = 0.999;
 const EPSILON: f64 = 1e-15;
 
-/// Adam's memory for [rho, theta, a, b].
+/// Adam's moments for [rho, theta, a, b].
 #[derive(Clone, Debug, Default)]
-pub(in super::super) struct Moments {
+pub(super) struct PoseAdam {
     steps: i32,
     first: SVector<f64, 8>,
     second: SVector<f64, 8>,
 }
 
-impl Moments {
-    /// The step down a gradient, of about one in each unknown.
-    pub(in super::super) fn step(&mut self, gradient: &SVector<f64, 8>) -> SVector<f64, 8> {
+impl PoseAdam {
+    /// The step along the negative gradient, about 1 in each unknown.
+    pub(super) fn step(&mut self, gradient: &SVector<f64, 8>) -> SVector<f64, 8> {
         self.steps = self.steps.saturating_add(1);
         self.first = self.first * FIRST_MOMENT + gradient * (1.0 - FIRST_MOMENT);
         let squared = gradient.component_mul(gradient);
@@ -38,12 +38,12 @@ mod tests {
     fn steps_go_down_and_grow_small_at_the_bottom() {
         let bottom = SVector::<f64, 8>::from_fn(|i, _| 0.01 * i as f64);
         let mut at = SVector::<f64, 8>::repeat(0.05);
-        let mut moments = Moments::default();
-        let first = moments.clone().step(&(at - bottom));
+        let mut adam = PoseAdam::default();
+        let first = adam.clone().step(&(at - bottom));
         assert!(first.iter().zip((at - bottom).iter()).all(|(s, g)| *s == 0.0 || s * g < 0.0));
-        assert!(first.amax() <= 1.0 + 1e-6, "a step is of about one");
+        assert!(first.amax() <= 1.0 + 1e-6, "a step is about 1");
         for _ in 0..300 {
-            at += moments.step(&(at - bottom)) * 1e-3;
+            at += adam.step(&(at - bottom)) * 1e-3;
         }
         assert!((at - bottom).amax() < 5e-3, "{}", (at - bottom).amax());
     }

@@ -1,37 +1,37 @@
-//! A frame at the size that it is tracked and mapped at.
+//! A frame at the resolution at which it is tracked or mapped.
 //!
-//! In: a checked [`Frame`] and a number of columns. Out: [`Working`], smaller by a whole-numbered
-//! factor: color is the mean of each block, depth the mean of the block's nearest surface.
+//! In: a checked [`Frame`] and a number of columns. Out: a [`DownsampledFrame`], smaller by a whole
+//! factor. Color is the mean of each block of pixels. Depth is the mean of the block's nearest surface.
 
 use super::frame::Frame;
 use lexsplat_gpu::Camera;
 use nalgebra::{Isometry3, Point3};
 use std::sync::Arc;
 
-/// Depths of a block that lie within this share of its nearest are of one surface: of the mean of
-/// all of them, points between surfaces would be made.
-const ONE_SURFACE: f32 = 0.02;
+/// Depths within this share of the nearest depth of a block belong to the same surface. The mean over
+/// several surfaces would be a point between them.
+const SAME_SURFACE: f32 = 0.02;
 
-/// A point whose depth is within this share of the measured one is what was measured.
-const SAME_POINT: f32 = 0.05;
+/// A point lies on the measured surface if its depth differs by at most this share.
+const ON_SURFACE: f32 = 0.05;
 
-/// A frame at working size; cheap to clone.
+/// Color and depth of a frame at reduced resolution. Cloning shares the pixels.
 #[derive(Clone, Debug)]
-pub(super) struct Working {
-    /// Size, intrinsics and pose.
+pub(super) struct DownsampledFrame {
+    /// Size, intrinsics and pose of the reduced image.
     pub camera: Camera,
-    /// `[height * width * 3]`.
+    /// `[height * width * 3]`, row-major RGB, 8 bit.
     pub rgb: Arc<[u8]>,
-    /// `[height * width]`, metres, 0 none.
+    /// `[height * width]`, metres; 0 where nothing was measured.
     pub depth_metres: Arc<[f32]>,
 }
 
-impl Working {
-    /// The frame with at most `columns` columns. Rows and columns that do not fill a block are left
-    /// out.
-    pub fn of(frame: &Frame, world_from_camera: &Isometry3<f64>, columns: u32) -> Self {
+impl DownsampledFrame {
+    /// Reduces a frame to at most `max_columns` columns. Rows and columns at the border that do not fill
+    /// a whole block are left out.
+    pub fn new(frame: &Frame, world_from_camera: &Isometry3<f64>, max_columns: u32) -> Self {
         let full = frame.intrinsics.camera(world_from_camera);
-        let factor = factor(frame, columns);
+        let factor = factor(frame, max_columns);
         if factor == 1 {
             return Self {
                 camera: full,
@@ -74,12 +74,12 @@ impl Working {
         Self { camera, rgb: rgb.into(), depth_metres: depth_metres.into() }
     }
 
-    /// The columns that [`Working::of`] has.
-    pub fn columns(frame: &Frame, columns: u32) -> u32 {
-        frame.intrinsics.width / factor(frame, columns) as u32
+    /// The number of columns that [`DownsampledFrame::new`] reduces the frame to.
+    pub fn columns(frame: &Frame, max_columns: u32) -> u32 {
+        frame.intrinsics.width / factor(frame, max_columns) as u32
     }
 
-    /// Whether a world point is on the surface that the picture shows.
+    /// Whether a point in the world lies on the surface that was measured at its pixel.
     pub fn shows(&self, point: &Point3<f32>) -> bool {
         let Some((u, v, z)) = self.camera.project(point) else { return false };
         let (column, row) = (u.round(), v.round());
@@ -89,32 +89,27 @@ impl Working {
         }
         let measured =
             self.depth_metres[row as usize * self.camera.width as usize + column as usize];
-        // Nothing measured is 0 metres: nothing is on that surface.
-        (z - measured).abs() <= SAME_POINT * measured
+        // A hole has depth 0, so no point in front of the camera passes.
+        (z - measured).abs() <= ON_SURFACE * measured
     }
 
-    /// Memory of colors and depths.
-    pub fn bytes(&self) -> u64 {
-        (self.rgb.len() + size_of_val(&self.depth_metres[..])) as u64
-    }
-
-    /// Takes the picture to another pose.
-    pub fn place(&mut self, world_from_camera: &Isometry3<f64>) {
+    /// Changes the camera's pose.
+    pub fn set_pose(&mut self, world_from_camera: &Isometry3<f64>) {
         self.camera.camera_from_world = world_from_camera.inverse().cast();
     }
 }
 
-/// How many columns become one, at least 1.
-fn factor(frame: &Frame, columns: u32) -> usize {
-    frame.intrinsics.width.div_ceil(columns.max(1)).max(1) as usize
+/// Side of a block in pixels, at least 1.
+fn factor(frame: &Frame, max_columns: u32) -> usize {
+    frame.intrinsics.width.div_ceil(max_columns.max(1)).max(1) as usize
 }
 
-/// The mean of the measurements that are near the nearest one; 0 without any.
+/// The mean of the depths that belong to the nearest surface, metres; 0 if nothing was measured.
 fn nearest_surface(depths: impl Iterator<Item = f32> + Clone) -> f32 {
     let measured = depths.filter(|depth| *depth > 0.0);
     let nearest = measured.clone().fold(f32::INFINITY, f32::min);
     let (sum, count) = measured
-        .filter(|depth| *depth <= nearest * (1.0 + ONE_SURFACE))
+        .filter(|depth| *depth <= nearest * (1.0 + SAME_SURFACE))
         .fold((0.0, 0u32), |(sum, count), depth| (sum + depth, count + 1));
     if count > 0 { sum / count as f32 } else { 0.0 }
 }
@@ -146,11 +141,11 @@ mod tests {
 
     #[test]
     fn shrinking_averages_color_and_keeps_the_nearest_surface() {
-        let working = Working::of(&frame(8, 4), &Isometry3::identity(), 4);
-        assert_eq!((working.camera.width, working.camera.height), (4, 2));
-        assert_eq!(working.rgb[..3], [1, 100, 200], "columns 0 and 1: 0.5, rounded up");
-        assert_eq!(working.depth_metres[0], 1.0, "the nearest, not the mean of 0, 1, 3 and 3");
-        assert_eq!(working.depth_metres[1], 3.0);
+        let small = DownsampledFrame::new(&frame(8, 4), &Isometry3::identity(), 4);
+        assert_eq!((small.camera.width, small.camera.height), (4, 2));
+        assert_eq!(small.rgb[..3], [1, 100, 200], "columns 0 and 1: 0.5, rounded up");
+        assert_eq!(small.depth_metres[0], 1.0, "the nearest, not the mean of 0, 1, 3 and 3");
+        assert_eq!(small.depth_metres[1], 3.0);
         let surface = nearest_surface([2.0, 2.02, 0.0, 2.5].into_iter());
         assert!((surface - 2.01).abs() < 1e-6, "the mean of what lies on one surface: {surface}");
     }
@@ -158,7 +153,7 @@ mod tests {
     #[test]
     fn shrinking_keeps_points_where_they_are() {
         let full = frame(8, 4).intrinsics.camera(&Isometry3::identity());
-        let small = Working::of(&frame(8, 4), &Isometry3::identity(), 4).camera;
+        let small = DownsampledFrame::new(&frame(8, 4), &Isometry3::identity(), 4).camera;
         // The middle of the four top-left pixels is the middle of the small image's first pixel.
         let seen = full.unproject(0.5, 0.5, 2.0);
         let (u, v, _) = small.project(&seen).expect("it is in front of the camera");
@@ -169,19 +164,19 @@ mod tests {
 
     #[test]
     fn a_picture_shows_its_surface_and_nothing_before_behind_or_beside_it() {
-        let working = Working::of(&frame(8, 4), &Isometry3::identity(), 8);
-        let at = |u, v, depth| working.shows(&working.camera.unproject(u, v, depth));
+        let small = DownsampledFrame::new(&frame(8, 4), &Isometry3::identity(), 8);
+        let at = |u, v, depth| small.shows(&small.camera.unproject(u, v, depth));
         assert!(at(4.0, 2.0, 3.0) && at(4.0, 2.0, 3.1));
         assert!(!at(4.0, 2.0, 2.0) && !at(4.0, 2.0, 4.0), "before and behind");
         assert!(!at(9.0, 2.0, 3.0) && !at(4.0, -1.0, 3.0), "beside");
         assert!(!at(0.0, 0.0, 3.0), "a hole");
-        assert!(!working.shows(&Point3::new(0.0, 0.0, -3.0)), "behind the camera");
+        assert!(!small.shows(&Point3::new(0.0, 0.0, -3.0)), "behind the camera");
     }
 
     #[test]
     fn small_frames_stay_as_they_are() {
-        let working = Working::of(&frame(8, 4), &Isometry3::identity(), 8);
-        assert_eq!((working.camera.width, working.camera.height), (8, 4));
-        assert_eq!(working.depth_metres[0], 0.0);
+        let small = DownsampledFrame::new(&frame(8, 4), &Isometry3::identity(), 8);
+        assert_eq!((small.camera.width, small.camera.height), (8, 4));
+        assert_eq!(small.depth_metres[0], 0.0);
     }
 }

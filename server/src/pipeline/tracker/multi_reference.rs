@@ -1,65 +1,65 @@
-//! One alignment with several references at once: the sum of their normal systems.
+//! Aligns a frame with several references at once by summing their normal systems.
 //!
-//! All references see the same unknowns: base_from_live, a perturbation tau of it on the left, and
-//! the exposure (a, b) that makes the live intensity the map's. Reference i, at
-//! X = reference_from_base and with an exposure (c, d) of its own (map = exp(c) I_i + d), sees
+//! The unknowns are base_from_live, with a left perturbation tau, and the exposure (a, b) that turns the
+//! live intensity into the map's. Reference i stands at X = reference_from_base and has an exposure (c, d) of
+//! its own (map = exp(c) I_i + d). Seen from it,
 //!
-//! - reference_from_live = X base_from_live, perturbed by Ad(X) tau,
+//! - reference_from_live = X base_from_live is perturbed by Ad(X) tau,
 //! - I_i = exp(a - c) live + (b - d) exp(-c),
 //!
 //! so that with A = diag(Ad(X), 1, exp(-c)) its system adds A^T H A and A^T g.
 //!
-//! Exposure is a gain: b stays where it starts. With both free, noise in the pictures makes each
-//! keyframe's contrast a percent too low (regression dilution), and along a walk that adds up.
+//! Only the gain a is estimated; b stays at its start. With both free, image noise makes the contrast of each
+//! keyframe one percent too low (regression dilution), and the error adds up along a walk.
 
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
 
-/// Information of b, far above what pictures bring.
+/// Information of b, far above what images contribute, so that b is fixed.
 const OFFSET_INFORMATION: f64 = 1e12;
 
-/// What a frame is compared with.
+/// An image that a frame is compared with.
 #[derive(Clone, Copy)]
 pub(super) struct Reference<'a> {
-    /// The picture.
     pub pyramid: &'a Pyramid,
-    /// Where it was taken.
     pub world_from_reference: Isometry3<f64>,
-    /// (c, d): the map's intensity = exp(c) of the picture's + d.
+    /// Exposure (c, d): the map's intensity is exp(c) times the image's plus d.
     pub exposure: [f64; 2],
-    /// How much it counts.
+    /// Factor of its normal system.
     pub weight: f64,
 }
 
-/// Aligns a frame with all references, coarse to fine; each reference's own system at the end.
+/// Aligns `live` with all references, coarse to fine. Also returns each reference's own system at the final
+/// estimate.
 ///
 /// # Errors
-/// Those of the device.
+/// [`GpuError::DeviceLost`].
 pub(super) fn align(
     aligner: &mut Aligner,
-    (references, live): (&[Reference<'_>], &Pyramid),
+    references: &[Reference<'_>],
+    live: &Pyramid,
     world_from_base: &Isometry3<f64>,
     start: &Estimate,
     schedule: &Schedule,
 ) -> Result<(Aligned, Vec<NormalSystem>), GpuError> {
-    let seen: Vec<Seen> =
-        references.iter().map(|reference| Seen::of(reference, world_from_base)).collect();
-    let mut each = |level: usize, estimate: &Estimate| {
+    let linear: Vec<LinearMap> =
+        references.iter().map(|reference| LinearMap::new(reference, world_from_base)).collect();
+    let mut systems_at = |level: usize, estimate: &Estimate| {
         let settings = schedule.settings.at_level(level);
-        let system = |(reference, seen): (&Reference<'_>, &Seen)| {
+        let system = |(reference, linear): (&Reference<'_>, &LinearMap)| {
             let levels = (&reference.pyramid.levels()[level], &live.levels()[level]);
-            aligner.system(levels.0, levels.1, &seen.estimate(estimate), &settings)
+            aligner.system(levels.0, levels.1, &linear.estimate(estimate), &settings)
         };
-        references.iter().zip(&seen).map(system).collect::<Result<Vec<_>, GpuError>>()
+        references.iter().zip(&linear).map(system).collect::<Result<Vec<_>, GpuError>>()
     };
-    // Systems of the finest level, with where they were taken: the last accepted is among them.
+    // Systems of the finest level and their estimates. The accepted estimate is among them.
     let mut finest: Vec<(Estimate, Vec<NormalSystem>)> = Vec::new();
     let aligned = lexsplat_gpu::align::align(start, schedule, |level, estimate| {
-        let systems = each(level, estimate)?;
+        let systems = systems_at(level, estimate)?;
         let mut sum = NormalSystem::default();
         sum.h[(7, 7)] = OFFSET_INFORMATION;
-        for ((system, reference), seen) in systems.iter().zip(references).zip(&seen) {
-            seen.add(&mut sum, system, reference.weight);
+        for ((system, reference), linear) in systems.iter().zip(references).zip(&linear) {
+            linear.add(&mut sum, system, reference.weight);
         }
         if level == 0 {
             finest.push((*estimate, systems));
@@ -69,20 +69,20 @@ pub(super) fn align(
     let last = finest.into_iter().rev().find(|(estimate, _)| *estimate == aligned.estimate);
     let systems = match last {
         Some((_, systems)) => systems,
-        None => each(0, &aligned.estimate)?,
+        None => systems_at(0, &aligned.estimate)?,
     };
     Ok((aligned, systems))
 }
 
-/// How a reference sees the unknowns.
-struct Seen {
+/// Change of variables from the common unknowns to those of one reference.
+struct LinearMap {
     reference_from_base: Isometry3<f64>,
     exposure: [f64; 2],
     jacobian: SMatrix<f64, 8, 8>,
 }
 
-impl Seen {
-    fn of(reference: &Reference<'_>, world_from_base: &Isometry3<f64>) -> Self {
+impl LinearMap {
+    fn new(reference: &Reference<'_>, world_from_base: &Isometry3<f64>) -> Self {
         let reference_from_base = reference.world_from_reference.inverse() * world_from_base;
         let mut jacobian = SMatrix::<f64, 8, 8>::identity();
         jacobian.fixed_view_mut::<6, 6>(0, 0).copy_from(&adjoint(&reference_from_base));

@@ -1,0 +1,165 @@
+//! One keyframe: a frame that the map is optimised against and that later frames are aligned with.
+
+use super::super::downsampled_frame::DownsampledFrame;
+use super::super::exposure;
+use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose};
+use super::super::pose_adam::PoseAdam;
+use super::language::KeyframeLanguage;
+use super::thumbnail::Thumbnail;
+use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError};
+use nalgebra::{Isometry3, Point3};
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Points of a keyframe that measure how much of it a camera sees.
+const OVERLAP_POINTS: usize = 64;
+
+/// All that is known of a keyframe.
+pub(in super::super) struct Keyframe {
+    /// Sequence number, time, pose and exposure as they are now.
+    pub frame: TrackedFrame,
+    pub intrinsics: Intrinsics,
+    /// `[height * width * 3]`, row-major RGB as received.
+    pub rgb: Arc<[u8]>,
+    /// Color and depth at the training resolution (`mapper.train_width`).
+    pub training: DownsampledFrame,
+    /// The training image on the device.
+    pub target: ColorTarget,
+    /// Color and depth at the tracker's resolution (`tracker.width`). Its pose is not kept up to date.
+    pub tracking: DownsampledFrame,
+    /// Exposure (a, b): the map's intensity is exp(a) times the keyframe's plus b. The inverse of
+    /// `frame.exposure`, in double precision.
+    pub map_exposure: [f64; 2],
+    /// Grey thumbnail for relocalisation.
+    pub thumbnail: Thumbnail,
+    /// Whether the tracker estimated the pose, so that the map may refine it.
+    pub is_estimated: bool,
+    /// Adam's moments of the refined pose and exposure.
+    pub pose_adam: PoseAdam,
+    /// Optimiser steps taken on this keyframe.
+    pub steps: usize,
+    /// Its language, once the networks are done.
+    pub language: Option<KeyframeLanguage>,
+    /// Some measured points in the keyframe's own camera.
+    overlap_points: Vec<Point3<f64>>,
+}
+
+/// Resolutions at which a keyframe is kept, in columns at most.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct KeyframeWidths {
+    pub training: u32,
+    pub tracking: u32,
+}
+
+impl Keyframe {
+    /// Makes a keyframe of a tracked frame and uploads its training image.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`] if the device has no room for the image, [`GpuError::DeviceLost`].
+    pub fn new(
+        gpu: &Gpu,
+        frame: &Frame,
+        tracked: &TrackedPose,
+        widths: KeyframeWidths,
+    ) -> Result<Self, GpuError> {
+        let pose = &tracked.world_from_camera;
+        let training = DownsampledFrame::new(frame, pose, widths.training);
+        let size = (training.camera.width, training.camera.height);
+        let target = ColorTarget::new(gpu, size, &training.rgb, &training.depth_metres)?;
+        let is_same_size =
+            DownsampledFrame::columns(frame, widths.tracking) == training.camera.width;
+        let tracking = if is_same_size {
+            training.clone()
+        } else {
+            DownsampledFrame::new(frame, pose, widths.tracking)
+        };
+        Ok(Self {
+            frame: TrackedFrame::new(frame, tracked),
+            intrinsics: frame.intrinsics,
+            rgb: frame.rgb.clone(),
+            target,
+            map_exposure: tracked.exposure,
+            thumbnail: Thumbnail::new(&tracking),
+            is_estimated: tracked.is_estimated,
+            pose_adam: PoseAdam::default(),
+            steps: 0,
+            language: None,
+            overlap_points: overlap_points(&tracking),
+            training,
+            tracking,
+        })
+    }
+
+    /// Memory of its images and codes, on the host and on the device. Images that share their pixels
+    /// count once.
+    pub fn bytes(&self) -> u64 {
+        let mut images: Vec<(usize, usize)> = Vec::new();
+        let rgb = [&self.rgb, &self.training.rgb, &self.tracking.rgb];
+        images.extend(rgb.map(|rgb| (rgb.as_ptr() as usize, rgb.len())));
+        let depth = [&self.training.depth_metres, &self.tracking.depth_metres];
+        images.extend(depth.map(|depth| (depth.as_ptr() as usize, size_of_val(&depth[..]))));
+        images.sort_unstable();
+        images.dedup();
+        let host: usize = images.iter().map(|(_, bytes)| bytes).sum();
+        let language = self.language.as_ref().map_or(0, KeyframeLanguage::bytes);
+        host as u64 + self.target.device_bytes() + language
+    }
+
+    /// Sets the pose everywhere it is kept.
+    pub fn set_pose(&mut self, world_from_camera: &Isometry3<f64>) {
+        self.frame.world_from_camera = *world_from_camera;
+        self.frame.world_from_camera.rotation.renormalize();
+        self.training.set_pose(world_from_camera);
+        if let Some(language) = &mut self.language {
+            language.camera.camera_from_world = self.training.camera.camera_from_world;
+        }
+    }
+
+    /// Sets the exposure (a, b) with which the keyframe shows the map, and its inverse.
+    pub fn set_exposure(&mut self, exposure: [f32; 2]) {
+        self.frame.exposure = exposure;
+        self.map_exposure = exposure::inverse(exposure.map(f64::from));
+    }
+
+    /// The training image with its exposure removed.
+    pub fn in_map_colors(&self) -> Cow<'_, DownsampledFrame> {
+        let [a, b] = self.frame.exposure;
+        if [a, b] == [0.0; 2] {
+            return Cow::Borrowed(&self.training);
+        }
+        let map_color = |value: u8| (f32::from(value) / 255.0 - b) * (-a).exp() * 255.0;
+        let rgb = self.training.rgb.iter().map(|value| map_color(*value).round() as u8).collect();
+        Cow::Owned(DownsampledFrame { rgb, ..self.training.clone() })
+    }
+
+    /// The share of the keyframe's surface that lies in the image of a camera at `world_from_camera`, 0
+    /// to 1. Occlusion is not considered.
+    pub fn overlap(&self, camera: &Camera, world_from_camera: &Isometry3<f64>) -> f64 {
+        let camera_from_keyframe = world_from_camera.inverse() * self.frame.world_from_camera;
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let is_inside = |point: &&Point3<f64>| {
+            let p = camera_from_keyframe * **point;
+            let u = f64::from(camera.fx) * p.x / p.z + f64::from(camera.cx);
+            let v = f64::from(camera.fy) * p.y / p.z + f64::from(camera.cy);
+            p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < width && v < height
+        };
+        let inside = self.overlap_points.iter().filter(is_inside).count();
+        inside as f64 / self.overlap_points.len().max(1) as f64
+    }
+}
+
+/// About [`OVERLAP_POINTS`] measured points in the camera's own coordinates.
+fn overlap_points(image: &DownsampledFrame) -> Vec<Point3<f64>> {
+    let camera = Camera { camera_from_world: Isometry3::identity(), ..image.camera.clone() };
+    let depths = &image.depth_metres;
+    let stride = (depths.len() / OVERLAP_POINTS).max(1);
+    // An offset that differs from stretch to stretch keeps the points from standing in one column.
+    (0..depths.len() / stride)
+        .map(|i| i * stride + i * 7 % stride)
+        .filter(|at| depths[*at] > 0.0)
+        .map(|at| {
+            let (u, v) = (at % camera.width as usize, at / camera.width as usize);
+            camera.unproject(u as f32, v as f32, depths[at]).cast()
+        })
+        .collect()
+}

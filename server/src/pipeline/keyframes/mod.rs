@@ -1,0 +1,139 @@
+//! The store of keyframes: the one owner of all that is known of a keyframe.
+//!
+//! In: tracked frames that were selected as keyframes, and their language when it is ready. Out: keyframes
+//! for the mapper (training images), for the tracker (references near a pose, similar images) and for
+//! readers. Forgetting a keyframe is one call. Its last pose is kept, because frames that were tracked
+//! relative to it need it.
+
+mod budget;
+mod keyframe;
+mod language;
+mod surface_sample;
+mod thumbnail;
+
+pub(super) use keyframe::{Keyframe, KeyframeWidths};
+pub(super) use language::KeyframeLanguage;
+pub(super) use surface_sample::SurfaceSample;
+pub(super) use thumbnail::Thumbnail;
+
+use super::frame::TrackedFrame;
+use lexsplat_gpu::Camera;
+use nalgebra::Isometry3;
+use std::collections::BTreeMap;
+
+/// All keyframes of a map, oldest first.
+#[derive(Default)]
+pub(super) struct KeyframeStore {
+    keyframes: Vec<Keyframe>,
+    /// Poses of forgotten keyframes, by sequence number.
+    forgotten: BTreeMap<u64, TrackedFrame>,
+}
+
+impl KeyframeStore {
+    pub fn add(&mut self, keyframe: Keyframe) {
+        self.keyframes.push(keyframe);
+    }
+
+    pub fn len(&self) -> usize {
+        self.keyframes.len()
+    }
+
+    /// Oldest first; the newest `n` are `iter().rev().take(n)`.
+    pub fn iter(&self) -> std::slice::Iter<'_, Keyframe> {
+        self.keyframes.iter()
+    }
+
+    pub fn newest(&self) -> Option<&Keyframe> {
+        self.keyframes.last()
+    }
+
+    /// The keyframe at a position in [`KeyframeStore::iter`].
+    pub fn at(&self, index: usize) -> &Keyframe {
+        &self.keyframes[index]
+    }
+
+    /// As [`KeyframeStore::at`].
+    pub fn at_mut(&mut self, index: usize) -> &mut Keyframe {
+        &mut self.keyframes[index]
+    }
+
+    /// Index of the keyframe with this sequence number; sequence numbers increase.
+    fn position(&self, sequence: u64) -> Option<usize> {
+        self.keyframes.binary_search_by_key(&sequence, |kf| kf.frame.sequence).ok()
+    }
+
+    pub fn find_mut(&mut self, sequence: u64) -> Option<&mut Keyframe> {
+        self.position(sequence).map(|at| &mut self.keyframes[at])
+    }
+
+    pub fn contains(&self, sequence: u64) -> bool {
+        self.position(sequence).is_some()
+    }
+
+    /// Pose and exposure of a keyframe; of a forgotten one as they were last.
+    pub fn frame(&self, sequence: u64) -> Option<&TrackedFrame> {
+        match self.position(sequence) {
+            Some(at) => Some(&self.keyframes[at].frame),
+            None => self.forgotten.get(&sequence),
+        }
+    }
+
+    /// Memory of all keyframes, on the host and on the device, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.keyframes.iter().map(Keyframe::bytes).sum()
+    }
+
+    /// Drops a keyframe and all that belongs to it, except its pose and exposure.
+    pub fn forget(&mut self, sequence: u64) {
+        if let Some(at) = self.position(sequence) {
+            let keyframe = self.keyframes.remove(at);
+            self.forgotten.insert(sequence, keyframe.frame);
+        }
+    }
+
+    /// Forgets redundant keyframes until the others fit into `limit_bytes` or only one is left. Returns
+    /// how many were forgotten. The newest `window` keyframes are forgotten last.
+    pub fn keep_to_budget(&mut self, limit_bytes: u64, window: usize) -> usize {
+        let before = self.len();
+        while self.bytes() > limit_bytes {
+            let images: Vec<_> = self.keyframes.iter().map(|kf| &kf.training).collect();
+            let Some(at) = budget::most_redundant(&images, window) else { break };
+            let sequence = self.keyframes[at].frame.sequence;
+            tracing::info!(sequence, "mapper.max_keyframe_mib is reached: a keyframe is forgotten");
+            self.forget(sequence);
+        }
+        before - self.len()
+    }
+
+    /// Reference keyframes for a camera at `world_from_camera`: the newest, then the oldest of those that
+    /// overlap its view by at least `min_overlap`, at most `count` together. Old references keep poses from
+    /// drifting.
+    pub fn references(
+        &self,
+        camera: &Camera,
+        world_from_camera: &Isometry3<f64>,
+        count: usize,
+        min_overlap: f64,
+    ) -> Vec<&Keyframe> {
+        let Some((newest, older)) = self.keyframes.split_last() else { return Vec::new() };
+        let overlaps =
+            |keyframe: &&Keyframe| keyframe.overlap(camera, world_from_camera) >= min_overlap;
+        std::iter::once(newest).chain(older.iter().filter(overlaps)).take(count).collect()
+    }
+
+    /// The `count` keyframes that look most like an image, best first. Alignment decides whether one of
+    /// them shows the same place.
+    pub fn most_similar(&self, thumbnail: &Thumbnail, count: usize) -> Vec<&Keyframe> {
+        let mut scored: Vec<(f32, &Keyframe)> = self
+            .keyframes
+            .iter()
+            .map(|keyframe| (keyframe.thumbnail.similarity(thumbnail), keyframe))
+            .filter(|(similarity, _)| *similarity > 0.0)
+            .collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        scored.into_iter().take(count).map(|(_, keyframe)| keyframe).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,61 @@
+//! The live map: everything that makes a map what it is, and nothing else.
+//!
+//! No threads, channels or kernels: the stages of `mapper/` work on this state, and the map's thread decides
+//! when. What a checkpoint has to save is this struct.
+
+mod step_budget;
+mod trajectory;
+
+pub(super) use step_budget::{StepBudget, StepKind};
+pub(super) use trajectory::Trajectory;
+
+use super::compressor::OnlineStage;
+use super::keyframes::KeyframeStore;
+use lexsplat_gpu::Gaussians;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+/// Seed of the random choice of keyframes, so that every run is the same.
+const SEED: u64 = 0x5eed;
+
+/// The state of one map.
+pub(super) struct LiveMap {
+    /// Parameters and optimiser state of all Gaussians, on the device.
+    pub gaussians: Gaussians,
+    pub keyframes: KeyframeStore,
+    pub trajectory: Trajectory,
+    /// The online compressor (32 to 15 dimensions) with its dictionary (paper §4.2).
+    pub online: Box<dyn OnlineStage>,
+    /// Optimiser steps that are due.
+    pub steps: StepBudget,
+    /// Chooses the keyframes that are replayed.
+    pub rng: ChaCha8Rng,
+    /// Number of Gaussians when they were last brought into spatial order.
+    pub sorted_len: usize,
+    /// The largest depth that a keyframe measured, metres.
+    pub farthest_metres: f32,
+    /// Revision of the newest snapshot.
+    pub revision: u64,
+}
+
+impl LiveMap {
+    /// An empty map. `gaussians` have codes of the size that `online` makes.
+    pub fn new(gaussians: Gaussians, online: Box<dyn OnlineStage>, steps: StepBudget) -> Self {
+        Self {
+            gaussians,
+            keyframes: KeyframeStore::default(),
+            trajectory: Trajectory::default(),
+            online,
+            steps,
+            rng: ChaCha8Rng::seed_from_u64(SEED),
+            sorted_len: 0,
+            farthest_metres: 0.0,
+            revision: 0,
+        }
+    }
+
+    /// Whether optimiser steps are due and there is something to optimise.
+    pub fn has_steps(&self) -> bool {
+        !self.steps.is_empty() && !self.gaussians.is_empty()
+    }
+}

@@ -1,0 +1,150 @@
+//! How many optimiser steps are due, what each optimises, and the decay of the learning rates.
+//!
+//! A keyframe earns its color steps when it is inserted. Its language earns steps when the networks have
+//! finished, which may be later than its last color step. While color steps are left, one in
+//! `language_every` also optimises language. Afterwards language steps are taken alone, so that slow
+//! networks cost time and not quality.
+
+/// Learning rates decay over this last share of the earned steps.
+const DECAY_SHARE: f32 = 0.25;
+/// The smallest factor of a decayed learning rate.
+const DECAY_FLOOR: f32 = 0.05;
+
+/// What one step optimises.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) struct StepKind {
+    pub color: bool,
+    pub language: bool,
+}
+
+/// Steps that were earned and are not taken yet.
+#[derive(Debug)]
+pub(in super::super) struct StepBudget {
+    per_keyframe: usize,
+    language_every: usize,
+    color_left: usize,
+    language_left: usize,
+    /// Color steps earned since none were left.
+    earned: usize,
+    taken: usize,
+}
+
+impl StepBudget {
+    /// `per_keyframe`: color steps of a keyframe. One in `language_every` steps optimises language.
+    pub fn new(per_keyframe: usize, language_every: usize) -> Self {
+        Self {
+            per_keyframe,
+            language_every: language_every.max(1),
+            color_left: 0,
+            language_left: 0,
+            earned: 0,
+            taken: 0,
+        }
+    }
+
+    /// Adds the color steps of a new keyframe.
+    pub fn earn(&mut self) {
+        if self.color_left == 0 {
+            self.earned = 0;
+        }
+        self.color_left += self.per_keyframe;
+        self.earned += self.per_keyframe;
+    }
+
+    /// Adds the language steps of a keyframe that has received its language.
+    pub fn earn_language(&mut self) {
+        self.language_left += self.per_keyframe.div_ceil(self.language_every);
+    }
+
+    pub fn color_left(&self) -> usize {
+        self.color_left
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.color_left + self.language_left == 0
+    }
+
+    /// Takes the next step from the budget.
+    pub fn take(&mut self) -> Option<StepKind> {
+        if self.is_empty() {
+            return None;
+        }
+        self.taken += 1;
+        let color = self.color_left > 0;
+        let is_language_turn = !color || self.taken.is_multiple_of(self.language_every);
+        let language = is_language_turn && self.language_left > 0;
+        self.color_left -= usize::from(color);
+        self.language_left -= usize::from(language);
+        Some(StepKind { color, language })
+    }
+
+    /// Whether something that happens every `every` steps is due after the last step.
+    pub fn is_due(&self, every: usize) -> bool {
+        self.taken.is_multiple_of(every.max(1))
+    }
+
+    /// Factor of the learning rates of means and of the color head, [`DECAY_FLOOR`] to 1. Adam's steps do
+    /// not shrink with the gradient, so the rates decay over the last steps that were earned without a
+    /// pause. The next keyframe resets the factor to 1.
+    pub fn learning_rate_decay(&self) -> f32 {
+        let decay_steps = DECAY_SHARE * self.earned as f32;
+        if decay_steps > 0.0 {
+            (self.color_left as f32 / decay_steps).clamp(DECAY_FLOOR, 1.0)
+        } else {
+            1.0
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLOR: StepKind = StepKind { color: true, language: false };
+    const BOTH: StepKind = StepKind { color: true, language: true };
+    const LANGUAGE: StepKind = StepKind { color: false, language: true };
+
+    #[test]
+    fn late_language_still_gets_its_steps() {
+        let mut steps = StepBudget::new(6, 3);
+        steps.earn();
+        steps.earn_language();
+        let taken: Vec<StepKind> = std::iter::from_fn(|| steps.take()).collect();
+        assert_eq!(taken, [COLOR, COLOR, BOTH, COLOR, COLOR, BOTH], "in time");
+
+        steps.earn();
+        let taken: Vec<StepKind> = std::iter::from_fn(|| steps.take()).collect();
+        assert_eq!(taken, [COLOR; 6], "not there yet");
+        assert!(steps.is_empty());
+        steps.earn_language();
+        assert!(!steps.is_empty());
+        let taken: Vec<StepKind> = std::iter::from_fn(|| steps.take()).collect();
+        assert_eq!(taken, [LANGUAGE; 2], "late");
+    }
+
+    #[test]
+    fn learning_rates_decay_over_the_last_earned_steps() {
+        let mut steps = StepBudget::new(40, 4);
+        assert_eq!(steps.learning_rate_decay(), 1.0);
+        steps.earn();
+        let decays: Vec<f32> =
+            std::iter::from_fn(|| steps.take().map(|_| steps.learning_rate_decay()))
+                .take(40)
+                .collect();
+        assert!(decays[..30].iter().all(|decay| *decay == 1.0), "{decays:?}");
+        assert!(decays[30..39].is_sorted_by(|a, b| a > b), "{decays:?}");
+        assert_eq!(decays[39], DECAY_FLOOR, "the floor is reached with the last step");
+        steps.earn();
+        assert_eq!(steps.learning_rate_decay(), 1.0, "the next keyframe resets it");
+        for _ in 0..10 {
+            steps.earn();
+        }
+        for _ in 0..385 {
+            steps.take();
+        }
+        assert!(
+            (steps.learning_rate_decay() - 0.5).abs() < 1e-6,
+            "half of the decay steps are left"
+        );
+    }
+}

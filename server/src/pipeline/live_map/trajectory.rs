@@ -1,0 +1,59 @@
+//! Poses of all tracked frames, each relative to the newest keyframe of its time. When a keyframe's pose is
+//! refined, the frames that were tracked after it move with it.
+
+use super::super::frame::{Frame, TrackedFrame, TrackedPose};
+use super::super::keyframes::KeyframeStore;
+use nalgebra::Isometry3;
+
+struct Entry {
+    /// The frame with the pose and exposure it was tracked with.
+    frame: TrackedFrame,
+    /// Sequence number of the keyframe, if there was one.
+    keyframe: Option<u64>,
+    /// The pose in the keyframe's camera; in the world if there is no keyframe.
+    keyframe_from_camera: Isometry3<f64>,
+}
+
+/// All tracked frames in order of their sequence numbers.
+#[derive(Default)]
+pub(in super::super) struct Trajectory {
+    entries: Vec<Entry>,
+}
+
+impl Trajectory {
+    /// Adds a tracked frame, after its keyframe was added to the store if it became one.
+    pub fn push(&mut self, frame: &Frame, tracked: &TrackedPose, keyframes: &KeyframeStore) {
+        let pose = &tracked.world_from_camera;
+        let keyframe = keyframes.newest().map(|keyframe| &keyframe.frame);
+        let keyframe_from_camera = match keyframe.map(|frame| frame.world_from_camera) {
+            // Exactly the identity for the keyframe itself.
+            Some(keyframe) if keyframe == *pose => Isometry3::identity(),
+            Some(keyframe) => keyframe.inverse() * pose,
+            None => *pose,
+        };
+        self.entries.push(Entry {
+            frame: TrackedFrame::new(frame, tracked),
+            keyframe: keyframe.map(|frame| frame.sequence),
+            keyframe_from_camera,
+        });
+    }
+
+    /// All frames with their current poses. A keyframe also has its current exposure.
+    pub fn frames(&self, keyframes: &KeyframeStore) -> Vec<TrackedFrame> {
+        self.entries.iter().map(|entry| entry.current(keyframes)).collect()
+    }
+}
+
+impl Entry {
+    fn current(&self, keyframes: &KeyframeStore) -> TrackedFrame {
+        let Some(keyframe) = self.keyframe.and_then(|sequence| keyframes.frame(sequence)) else {
+            return TrackedFrame { world_from_camera: self.keyframe_from_camera, ..self.frame };
+        };
+        let is_keyframe = keyframe.sequence == self.frame.sequence;
+        TrackedFrame {
+            world_from_camera: keyframe.world_from_camera * self.keyframe_from_camera,
+            exposure: if is_keyframe { keyframe.exposure } else { self.frame.exposure },
+            ..self.frame
+        }
+    }
+}

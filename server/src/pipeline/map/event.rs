@@ -1,0 +1,50 @@
+//! Events of a map: what its thread receives, and what its watchers are told.
+
+use super::super::encoder::LanguageMap;
+use super::super::frame::{Frame, FrameOutcome};
+use tokio::sync::{OwnedSemaphorePermit, oneshot};
+
+/// An event for watchers.
+#[derive(Clone, Debug)]
+pub enum MapEvent {
+    /// A frame was mapped or lost.
+    Frame(FrameOutcome),
+    /// Readers have a new snapshot.
+    Revision {
+        /// Its revision.
+        revision: u64,
+        /// Gaussians in it.
+        gaussians: usize,
+        /// Keyframes in it.
+        keyframes: usize,
+    },
+}
+
+/// An event with its number.
+#[derive(Clone, Debug)]
+pub struct NumberedEvent {
+    /// 1, 2, 3 … within a map; a gap means that events were missed.
+    pub id: u64,
+    /// The event.
+    pub event: MapEvent,
+}
+
+/// A message to a map's thread.
+pub(in super::super) enum Message {
+    Frame {
+        frame: Box<Frame>,
+        /// Id of the stream that sent the frame: 1, 2, 3 … within a map.
+        stream: u64,
+        /// The frame's place in the queue, given back when the thread takes the frame.
+        permit: OwnedSemaphorePermit,
+        reply: oneshot::Sender<FrameOutcome>,
+    },
+    /// The networks are done with a keyframe.
+    Language {
+        sequence: u64,
+        map: Result<LanguageMap, String>,
+    },
+    /// The language thread's queue has room again.
+    LanguageRoom,
+    Stop,
+}

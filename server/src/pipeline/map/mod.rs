@@ -1,0 +1,286 @@
+//! A map as the edges see it: a name, a queue of frames, snapshots, events and a status.
+//!
+//! In: checked [`Frame`]s. Out: [`FrameOutcome`]s, [`MapSnapshot`]s and [`MapEvent`]s. The live map belongs to
+//! its thread (`map_thread/`), which publishes here.
+
+mod error;
+mod event;
+mod status;
+
+pub use error::MapError;
+pub(super) use event::Message;
+pub use event::{MapEvent, NumberedEvent};
+pub use status::MapStatus;
+
+use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
+use super::live_map::LiveMap;
+use super::snapshot::MapSnapshot;
+use status::Counters;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
+
+/// Events that a watcher may fall behind before it misses some.
+const EVENT_BACKLOG: usize = 256;
+/// Places in the thread's queue beside those for frames: for language results and commands.
+const CONTROL_SLOTS: usize = 16;
+
+/// State behind the lock. The lock is held briefly and never over an await.
+struct Shared {
+    tracking: TrackingState,
+    failure: Option<String>,
+    intrinsics: Option<Intrinsics>,
+    received_through: Option<u64>,
+    has_stream: bool,
+    /// Streams that were opened so far.
+    streams: u64,
+    next_event: u64,
+}
+
+/// A handle to a map. Share it with `Arc`.
+pub struct Map {
+    name: String,
+    queue_capacity: usize,
+    frame_slots: Arc<Semaphore>,
+    messages: mpsc::Sender<Message>,
+    watchers: broadcast::Sender<NumberedEvent>,
+    snapshot: watch::Sender<Arc<MapSnapshot>>,
+    counters: Counters,
+    shared: Mutex<Shared>,
+}
+
+impl Map {
+    /// A handle and the receiving end of its messages, which belongs to the map's thread.
+    pub(super) fn new(
+        name: &str,
+        queue_capacity: usize,
+        empty: MapSnapshot,
+    ) -> (Self, mpsc::Receiver<Message>) {
+        let (messages, receiver) = mpsc::channel(queue_capacity + CONTROL_SLOTS);
+        let map = Self {
+            name: name.to_owned(),
+            queue_capacity,
+            frame_slots: Arc::new(Semaphore::new(queue_capacity)),
+            messages,
+            watchers: broadcast::Sender::new(EVENT_BACKLOG),
+            snapshot: watch::Sender::new(Arc::new(empty)),
+            counters: Counters::default(),
+            shared: Mutex::new(Shared {
+                tracking: TrackingState::Empty,
+                failure: None,
+                intrinsics: None,
+                received_through: None,
+                has_stream: false,
+                streams: 0,
+                next_event: 1,
+            }),
+        };
+        (map, receiver)
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().expect("no thread panics while it holds a map's lock")
+    }
+
+    /// The map's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The newest snapshot.
+    pub fn snapshot(&self) -> Arc<MapSnapshot> {
+        self.snapshot.borrow().clone()
+    }
+
+    /// Receives events from now on.
+    pub fn subscribe(&self) -> broadcast::Receiver<NumberedEvent> {
+        self.watchers.subscribe()
+    }
+
+    /// Sequence number of the newest accepted frame.
+    pub fn received_through(&self) -> Option<u64> {
+        self.shared().received_through
+    }
+
+    /// Frames that wait, and how many fit into the queue.
+    pub fn queue(&self) -> (usize, usize) {
+        (self.queue_capacity - self.frame_slots.available_permits(), self.queue_capacity)
+    }
+
+    /// Makes the caller's stream the only one that writes to the map until the guard is dropped. Its first
+    /// frame without a pose is relocalised in the map, because the camera may have moved since the last
+    /// stream.
+    ///
+    /// # Errors
+    /// [`MapError::Busy`] if another stream writes; [`MapError::OtherCamera`] if the map has frames of a
+    /// different camera; [`MapError::Failed`] if it takes no more frames.
+    pub fn claim(self: &Arc<Self>, intrinsics: Intrinsics) -> Result<StreamGuard, MapError> {
+        let mut shared = self.shared();
+        if let Some(reason) = &shared.failure {
+            return Err(MapError::Failed { name: self.name.clone(), reason: reason.clone() });
+        }
+        if shared.has_stream {
+            return Err(MapError::Busy { name: self.name.clone() });
+        }
+        if let Some(expected) = shared.intrinsics.filter(|expected| *expected != intrinsics) {
+            return Err(MapError::OtherCamera {
+                name: self.name.clone(),
+                expected: Box::new(expected),
+                found: Box::new(intrinsics),
+            });
+        }
+        shared.has_stream = true;
+        shared.streams += 1;
+        Ok(StreamGuard { map: self.clone() })
+    }
+
+    /// Sends a frame to the map's thread; waits while the queue is full. The receiver resolves when the frame
+    /// was mapped; it is closed if the thread stopped first.
+    ///
+    /// # Errors
+    /// [`MapError::Failed`] if the thread has stopped.
+    pub async fn submit(&self, frame: Frame) -> Result<oneshot::Receiver<FrameOutcome>, MapError> {
+        let permit = self
+            .frame_slots
+            .clone()
+            .acquire_owned()
+            .await
+            .expect("the semaphore of a map is never closed");
+        let (reply, outcome) = oneshot::channel();
+        let (sequence, intrinsics) = (frame.sequence, frame.intrinsics);
+        let frame = Box::new(frame);
+        let stream = self.shared().streams;
+        self.counters.unsettled.fetch_add(1, Ordering::AcqRel);
+        if self.messages.send(Message::Frame { frame, stream, permit, reply }).await.is_err() {
+            self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
+            let reason = self.shared().failure.clone().unwrap_or_else(|| "it was stopped".into());
+            return Err(MapError::Failed { name: self.name.clone(), reason });
+        }
+        self.counters.received.fetch_add(1, Ordering::Relaxed);
+        let mut shared = self.shared();
+        shared.received_through = Some(sequence);
+        shared.intrinsics = Some(intrinsics);
+        Ok(outcome)
+    }
+
+    /// Counts a frame that did not pass the checks.
+    pub fn count_refused(&self) {
+        self.counters.refused.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// The current status.
+    pub fn status(&self) -> MapStatus {
+        let (queue_depth, queue_capacity) = self.queue();
+        let counters = &self.counters;
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        let settled = counters.unsettled.load(Ordering::Acquire) == 0
+            && !counters.working.load(Ordering::Acquire);
+        let shared = self.shared();
+        MapStatus {
+            name: self.name.clone(),
+            revision: self.snapshot.borrow().revision,
+            frames_received: read(&counters.received),
+            frames_tracked: read(&counters.tracked),
+            frames_lost: read(&counters.lost),
+            frames_dropped: read(&counters.dropped),
+            frames_refused: read(&counters.refused),
+            keyframes: read(&counters.keyframes),
+            gaussians: read(&counters.gaussians),
+            gpu_bytes: read(&counters.gpu_bytes),
+            keyframe_bytes: read(&counters.keyframe_bytes),
+            tracking_state: shared.tracking,
+            olae_version: read(&counters.olae_version),
+            queue_depth,
+            queue_capacity,
+            settled,
+            failure: shared.failure.clone(),
+        }
+    }
+
+    /// The sending end of the thread's messages.
+    pub(super) fn sender(&self) -> mpsc::Sender<Message> {
+        self.messages.clone()
+    }
+
+    /// Called by the map's thread: whether work is left beside frames that wait.
+    pub(super) fn set_working(&self, working: bool) {
+        self.counters.working.store(working, Ordering::Release);
+    }
+
+    /// Called by the map's thread: a frame is discarded because the map has failed.
+    pub(super) fn drop_frame(&self) {
+        self.counters.dropped.fetch_add(1, Ordering::Relaxed);
+        self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
+    }
+
+    /// Called by the map's thread: updates the numbers that a status shows of the live map.
+    pub(super) fn count_contents(&self, live: &LiveMap) {
+        let counters = &self.counters;
+        counters.keyframes.store(live.keyframes.len() as u64, Ordering::Relaxed);
+        counters.gaussians.store(live.gaussians.len() as u64, Ordering::Relaxed);
+        counters.gpu_bytes.store(live.gaussians.device_bytes(), Ordering::Relaxed);
+        counters.keyframe_bytes.store(live.keyframes.bytes(), Ordering::Relaxed);
+        counters.olae_version.store(live.online.version(), Ordering::Relaxed);
+    }
+
+    /// Called by the map's thread: a frame is done.
+    pub(super) fn finish_frame(&self, outcome: &FrameOutcome) {
+        self.shared().tracking = outcome.tracking;
+        let counter = match outcome.tracking {
+            TrackingState::Tracking => &self.counters.tracked,
+            TrackingState::Lost | TrackingState::Empty => &self.counters.lost,
+        };
+        counter.fetch_add(1, Ordering::Relaxed);
+        // Working before settled, so that no reader sees an idle map in between.
+        self.set_working(true);
+        self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
+        self.announce(MapEvent::Frame(outcome.clone()));
+    }
+
+    /// Called by the map's thread: gives readers a new snapshot.
+    pub(super) fn publish(&self, snapshot: MapSnapshot) {
+        let event = MapEvent::Revision {
+            revision: snapshot.revision,
+            gaussians: snapshot.gaussians.means.len(),
+            keyframes: snapshot.keyframes.len(),
+        };
+        self.snapshot.send_replace(Arc::new(snapshot));
+        self.announce(event);
+    }
+
+    /// Why the map takes no more frames, if so.
+    pub fn failure(&self) -> Option<String> {
+        self.shared().failure.clone()
+    }
+
+    /// The map takes no more frames from now on.
+    pub(super) fn fail(&self, reason: String) {
+        self.shared().failure = Some(reason);
+    }
+
+    fn announce(&self, event: MapEvent) {
+        let mut shared = self.shared();
+        let id = shared.next_event;
+        shared.next_event += 1;
+        // An error means that nobody watches.
+        let _ = self.watchers.send(NumberedEvent { id, event });
+    }
+}
+
+/// The right to write to a map; one stream holds it at a time.
+pub struct StreamGuard {
+    map: Arc<Map>,
+}
+
+impl StreamGuard {
+    /// The map.
+    pub fn map(&self) -> &Arc<Map> {
+        &self.map
+    }
+}
+
+impl Drop for StreamGuard {
+    fn drop(&mut self) {
+        self.map.shared().has_stream = false;
+    }
+}

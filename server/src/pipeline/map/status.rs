@@ -1,0 +1,62 @@
+//! Status of a map, and the counters that it is read from.
+
+use super::super::frame::TrackingState;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+/// Status of a map.
+#[derive(Clone, Debug)]
+pub struct MapStatus {
+    /// The map's name.
+    pub name: String,
+    /// Revision of the newest snapshot.
+    pub revision: u64,
+    /// Frames that passed the checks.
+    pub frames_received: u64,
+    /// Frames that were given or found a pose.
+    pub frames_tracked: u64,
+    /// Frames whose pose was not found.
+    pub frames_lost: u64,
+    /// Frames that were accepted and never mapped, because the map had failed.
+    pub frames_dropped: u64,
+    /// Frames that did not pass the checks.
+    pub frames_refused: u64,
+    /// Keyframes.
+    pub keyframes: u64,
+    /// Gaussians.
+    pub gaussians: u64,
+    /// Device memory of the Gaussians, bytes.
+    pub gpu_bytes: u64,
+    /// Memory of the keyframes' images and codes on host and device, bytes.
+    pub keyframe_bytes: u64,
+    /// Whether the newest frame has a pose.
+    pub tracking_state: TrackingState,
+    /// Version of the online compressor.
+    pub olae_version: u64,
+    /// Frames that wait in the queue.
+    pub queue_depth: usize,
+    /// Frames that fit into the queue.
+    pub queue_capacity: usize,
+    /// Whether no frame waits and no work is left.
+    pub settled: bool,
+    /// Why the map takes no more frames, if so.
+    pub failure: Option<String>,
+}
+
+/// Counters that the map's thread writes and [`MapStatus`] reads.
+#[derive(Default)]
+pub(in super::super) struct Counters {
+    pub received: AtomicU64,
+    pub tracked: AtomicU64,
+    pub lost: AtomicU64,
+    pub dropped: AtomicU64,
+    pub refused: AtomicU64,
+    pub keyframes: AtomicU64,
+    pub gaussians: AtomicU64,
+    pub gpu_bytes: AtomicU64,
+    pub keyframe_bytes: AtomicU64,
+    pub olae_version: AtomicU64,
+    /// Frames that were accepted and are not mapped yet.
+    pub unsettled: AtomicU64,
+    /// Whether work is left on mapped frames.
+    pub working: AtomicBool,
+}

@@ -1,0 +1,312 @@
+//! The thread that owns one live map.
+//!
+//! In: messages (frames, language maps, stop). Out: outcomes of frames, snapshots, status. It decides when
+//! each stage of the pipeline runs: a frame at once, language when it arrives, optimiser steps in between.
+//! It never waits for the networks while a frame waits for it, unless the clock is `per_frame`.
+
+mod language_requests;
+mod publisher;
+
+use super::compressor;
+use super::encoder::{LanguageMap, LanguageThread};
+use super::frame::{Frame, FrameOutcome, TrackedPose};
+use super::keyframes::{Keyframe, KeyframeWidths};
+use super::live_map::{LiveMap, StepBudget};
+use super::map::{Map, Message};
+use super::mapper::{Clock, MapperConfig, TiesConfig, insert, language, optimise, select};
+use super::snapshot::MapSnapshot;
+use super::tracker::{Scene, Tracker, TrackerConfig};
+use crate::telemetry::{
+    COMPRESSION_SECONDS, INSERTION_SECONDS, MAPPING_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS,
+    timed,
+};
+use language_requests::LanguageRequests;
+use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Ties, Trainer};
+use publisher::Publisher;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use tokio::sync::{mpsc, oneshot};
+
+/// The settings of a map's stages.
+#[derive(Clone, Copy)]
+pub(super) struct StageConfigs<'a> {
+    pub compressor: &'a compressor::CompressorConfig,
+    pub tracker: &'a TrackerConfig,
+    pub mapper: &'a MapperConfig,
+}
+
+/// Starts a map's thread.
+///
+/// # Errors
+/// The reason why there is no device memory, no kernel or no thread for it.
+pub(super) fn spawn(
+    name: &str,
+    gpu: &Gpu,
+    language: &Arc<LanguageThread>,
+    configs: StageConfigs<'_>,
+) -> Result<(Arc<Map>, JoinHandle<()>), String> {
+    let config = configs.mapper;
+    let online = compressor::online(configs.compressor);
+    let mut trainer = Trainer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
+    let TiesConfig { rotation, scale, opacity } = config.ties;
+    trainer.set_ties(Ties { rotation, scale, opacity });
+    let gaussians = Gaussians::new(gpu, online.code_size());
+    let empty = MapSnapshot {
+        map: name.to_owned(),
+        revision: 0,
+        gaussians: Arc::new(HostGaussians::default()),
+        online: Arc::from(online.boxed_clone()),
+        intrinsics: None,
+        trajectory: Arc::default(),
+        keyframes: Arc::default(),
+    };
+    let (map, messages) = Map::new(name, config.queue_frames, empty);
+    let map = Arc::new(map);
+    let steps = StepBudget::new(config.steps_per_keyframe, config.language_every);
+    let thread = MapThread {
+        config: config.clone(),
+        tracker_config: configs.tracker.clone(),
+        gpu: gpu.clone(),
+        live: LiveMap::new(gaussians, online, steps),
+        tracker: Tracker::new(gpu, configs.tracker),
+        trainer,
+        language: LanguageRequests::new(language.clone(), map.sender()),
+        publisher: Publisher::new(),
+        deferred: VecDeque::new(),
+        last_stream: 0,
+        map: map.clone(),
+    };
+    let handle = std::thread::Builder::new()
+        .name(format!("map {name}"))
+        .spawn(move || thread.run(messages))
+        .map_err(|error| error.to_string())?;
+    Ok((map, handle))
+}
+
+/// The live map and everything that works on it.
+struct MapThread {
+    config: MapperConfig,
+    tracker_config: TrackerConfig,
+    gpu: Gpu,
+    live: LiveMap,
+    tracker: Tracker,
+    trainer: Trainer,
+    language: LanguageRequests,
+    publisher: Publisher,
+    /// Frames deferred until the current keyframe is optimised (clock `per_frame`).
+    deferred: VecDeque<Message>,
+    /// Id of the stream that sent the last frame.
+    last_stream: u64,
+    map: Arc<Map>,
+}
+
+/// What the thread does next.
+enum Work {
+    Handle(Message),
+    Optimise,
+}
+
+impl MapThread {
+    /// Works until it is told to stop or the device fails.
+    fn run(mut self, mut messages: mpsc::Receiver<Message>) {
+        let _span = tracing::info_span!("map", name = self.map.name()).entered();
+        let ended = self.serve(&mut messages);
+        let ended = ended.and_then(|()| self.publish_changes());
+        if let Err(error) = ended {
+            tracing::error!(%error, "the map stopped");
+            self.map.fail(error.to_string());
+            self.map.set_working(false);
+        }
+    }
+
+    fn serve(&mut self, messages: &mut mpsc::Receiver<Message>) -> Result<(), GpuError> {
+        while let Some(work) = self.next(messages) {
+            match work {
+                Work::Handle(Message::Stop) => break,
+                Work::Handle(message) => self.handle(message)?,
+                Work::Optimise => self.optimise()?,
+            }
+            self.language.send(&self.live.keyframes);
+            self.publish_if_due()?;
+            self.map.set_working(!self.is_idle());
+        }
+        Ok(())
+    }
+
+    /// Waits for the next work. Frames come before optimiser steps; with the clock `per_frame` a frame
+    /// waits until the keyframe before it has its language and all its steps. `None`: no handle to the map
+    /// is left.
+    fn next(&mut self, messages: &mut mpsc::Receiver<Message>) -> Option<Work> {
+        if self.config.clock == Clock::PerFrame {
+            while self.language.is_pending() {
+                match messages.blocking_recv()? {
+                    frame @ Message::Frame { .. } => self.deferred.push_back(frame),
+                    other => return Some(Work::Handle(other)),
+                }
+            }
+            if self.live.has_steps() {
+                return Some(Work::Optimise);
+            }
+        }
+        if let Some(deferred) = self.deferred.pop_front() {
+            return Some(Work::Handle(deferred));
+        }
+        if self.live.has_steps() {
+            return Some(messages.try_recv().map_or(Work::Optimise, Work::Handle));
+        }
+        messages.blocking_recv().map(Work::Handle)
+    }
+
+    fn handle(&mut self, message: Message) -> Result<(), GpuError> {
+        match message {
+            Message::Frame { frame, stream, permit, reply } => {
+                drop(permit);
+                if self.map.failure().is_some() {
+                    self.map.drop_frame();
+                    return Ok(());
+                }
+                if std::mem::replace(&mut self.last_stream, stream) != stream {
+                    self.tracker.resume();
+                }
+                self.map_frame(*frame, reply)
+            }
+            Message::Language { sequence, map } => {
+                self.language.answered();
+                match map {
+                    Ok(map) => self.write_language(sequence, &map),
+                    Err(error) => {
+                        tracing::error!(sequence, error, "a keyframe stays without language");
+                        Ok(())
+                    }
+                }
+            }
+            Message::LanguageRoom => {
+                self.language.has_room();
+                Ok(())
+            }
+            Message::Stop => Ok(()),
+        }
+    }
+
+    /// One frame's way through the map: track, select keyframe, insert, request language, optimise,
+    /// publish.
+    fn map_frame(
+        &mut self,
+        frame: Frame,
+        reply: oneshot::Sender<FrameOutcome>,
+    ) -> Result<(), GpuError> {
+        let tracked = self.track(&frame)?;
+        let mut outcome = FrameOutcome {
+            sequence: frame.sequence,
+            tracking: self.tracker.state(),
+            relocalised: tracked.is_some_and(|tracked| tracked.relocalised),
+            world_from_camera: tracked.map(|tracked| tracked.world_from_camera),
+            keyframe: false,
+            revision: self.live.revision,
+        };
+        if let Some(tracked) = &tracked {
+            let pose = &tracked.world_from_camera;
+            outcome.keyframe =
+                select::is_keyframe(&self.live.keyframes, &frame, pose, &self.config);
+            if outcome.keyframe {
+                self.insert_keyframe(&frame, tracked)?;
+            }
+            self.live.trajectory.push(&frame, tracked, &self.live.keyframes);
+            self.publisher.poses_changed();
+            if outcome.keyframe {
+                self.language.push(frame);
+                self.language.send(&self.live.keyframes);
+            }
+            self.optimise_behind_frame()?;
+        }
+        self.map.finish_frame(&outcome);
+        // An error means that the sender is gone. Its frame is in the map all the same.
+        let _ = reply.send(outcome);
+        self.publish_if_due()
+    }
+
+    fn track(&mut self, frame: &Frame) -> Result<Option<TrackedPose>, GpuError> {
+        let mut scene = Scene {
+            trainer: &mut self.trainer,
+            gaussians: &self.live.gaussians,
+            keyframes: &self.live.keyframes,
+        };
+        timed(TRACKING_SECONDS, || self.tracker.track(frame, &mut scene))
+    }
+
+    fn insert_keyframe(&mut self, frame: &Frame, tracked: &TrackedPose) -> Result<(), GpuError> {
+        let (training, tracking) = (self.config.train_width, self.tracker_config.width);
+        let widths = KeyframeWidths { training, tracking };
+        let keyframe = Keyframe::new(&self.gpu, frame, tracked, widths)?;
+        timed(INSERTION_SECONDS, || {
+            insert::insert(&mut self.live, &mut self.trainer, &keyframe, &self.config)
+        })?;
+        self.live.keyframes.add(keyframe);
+        self.live.steps.earn();
+        self.publisher.gaussians_changed();
+        self.keep_to_budget();
+        Ok(())
+    }
+
+    fn write_language(&mut self, sequence: u64, map: &LanguageMap) -> Result<(), GpuError> {
+        let changed = timed(COMPRESSION_SECONDS, || {
+            language::write(&mut self.live, &mut self.trainer, &self.gpu, sequence, map)
+        })?;
+        if changed {
+            self.publisher.gaussians_changed();
+            self.keep_to_budget();
+        }
+        Ok(())
+    }
+
+    fn keep_to_budget(&mut self) {
+        let limit_bytes = self.config.max_keyframe_mib << 20;
+        if self.live.keyframes.keep_to_budget(limit_bytes, self.config.window) > 0 {
+            self.publisher.poses_changed();
+        }
+    }
+
+    /// With the clock `realtime`, takes a few steps after each frame even if others wait.
+    fn optimise_behind_frame(&mut self) -> Result<(), GpuError> {
+        if self.config.clock == Clock::Realtime {
+            for _ in 0..self.config.steps_per_frame.min(self.live.steps.color_left()) {
+                self.optimise()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn optimise(&mut self) -> Result<(), GpuError> {
+        let Self { live, trainer, gpu, config, tracker_config, .. } = self;
+        let changed =
+            timed(MAPPING_SECONDS, || optimise::step(live, trainer, gpu, config, tracker_config))?;
+        if changed {
+            self.publisher.gaussians_changed();
+        }
+        Ok(())
+    }
+
+    /// Whether nothing is left to do before the next frame.
+    fn is_idle(&self) -> bool {
+        !self.live.has_steps() && !self.language.is_pending()
+    }
+
+    /// Publishes changes when the map is idle and, with the clock `realtime`, every few seconds. With
+    /// `per_frame` publishing by time would make results depend on it: copying waits for the steps in
+    /// flight, and steps that met full lists are then repeated in another order.
+    fn publish_if_due(&mut self) -> Result<(), GpuError> {
+        let is_realtime = self.config.clock == Clock::Realtime;
+        let is_old = self.publisher.age().as_secs_f64() >= self.config.snapshot_seconds;
+        if self.is_idle() || (is_realtime && is_old) { self.publish_changes() } else { Ok(()) }
+    }
+
+    fn publish_changes(&mut self) -> Result<(), GpuError> {
+        if !self.publisher.has_changes() {
+            return Ok(());
+        }
+        timed(SNAPSHOT_SECONDS, || {
+            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map)
+        })
+    }
+}

@@ -1,0 +1,328 @@
+//! The device's part of tracking: uploads the frame and its references, and aligns them.
+//!
+//! In: downsampled frames, initial poses ([`InitialPose`]) and keyframes. Out: [`PoseCandidate`]s, which the
+//! tracker accepts or not.
+
+use super::super::downsampled_frame::DownsampledFrame;
+use super::super::keyframes::Keyframe;
+use super::candidate::{InitialPose, PoseCandidate};
+use super::config::TrackerConfig;
+use super::multi_reference::{self, Reference, adjoint};
+use super::quality::AlignmentQuality;
+use super::scene::Scene;
+use lexsplat_gpu::Recorder;
+use lexsplat_gpu::align::Prior;
+
+use lexsplat_gpu::pyramid;
+use lexsplat_gpu::{
+    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, Pyramid, Pyramids, Schedule,
+};
+use nalgebra::{Isometry3, Matrix6};
+
+/// Factor of thresholds and gates for a wide initial pose.
+const WIDE_FACTOR: f64 = 5.0;
+/// Most narrow alignments after a wide one.
+const MAX_NARROW_ALIGNMENTS: usize = 4;
+/// The narrow alignments end when the pose moves less than this, metres and radians.
+const SETTLED: f64 = 1e-3;
+/// Largest stride between compared pixels that [`AlignSettings`] takes.
+const MAX_STRIDE: usize = 64;
+
+/// Kernels and images of the alignment. All images have the size of the stream's frames.
+pub(super) struct FrameAligner {
+    gpu: Gpu,
+    config: TrackerConfig,
+    camera: Camera,
+    levels: usize,
+    pyramids: Pyramids,
+    aligner: Aligner,
+    /// The map rendered from the initial pose.
+    rendered: Pyramid,
+    /// The frame to be aligned.
+    live: Pyramid,
+    /// The last tracked frame.
+    last: Pyramid,
+    last_found: Option<PoseCandidate>,
+    /// Images of the keyframes used last, by sequence number.
+    keyframes: Vec<(u64, Pyramid)>,
+}
+
+impl FrameAligner {
+    /// For frames of this camera's size; `None` if they are too small to be aligned.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn new(
+        gpu: &Gpu,
+        camera: &Camera,
+        config: &TrackerConfig,
+    ) -> Result<Option<Self>, GpuError> {
+        let wanted = config.steps.len().max(config.wide_steps.len()).max(1);
+        let fits = |levels: &usize| pyramid::cameras(camera, *levels).is_ok();
+        let Some(levels) = (1..=wanted).rev().find(fits) else { return Ok(None) };
+        let pyramids = Pyramids::new(gpu)?;
+        let allocate = || pyramids.allocate(camera, levels);
+        let (rendered, live, last) = (allocate()?, allocate()?, allocate()?);
+        Ok(Some(Self {
+            gpu: gpu.clone(),
+            config: config.clone(),
+            camera: camera.clone(),
+            levels,
+            aligner: Aligner::new(gpu)?,
+            pyramids,
+            rendered,
+            live,
+            last,
+            last_found: None,
+            keyframes: Vec::new(),
+        }))
+    }
+
+    /// Uploads a new frame.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn upload(&mut self, frame: &DownsampledFrame) -> Result<(), GpuError> {
+        self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)
+    }
+
+    /// Keeps the uploaded frame, which was tracked, as the last frame.
+    pub fn keep_as_last(&mut self, found: &PoseCandidate) {
+        std::mem::swap(&mut self.live, &mut self.last);
+        self.last_found = Some(*found);
+    }
+
+    /// Aligns the frame with keyframes, and with the map rendered at the initial pose if `map_weight` is set
+    /// or there are no keyframes. Aligns again from the result if that is far from the initial pose.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn align_with_map(
+        &mut self,
+        scene: &mut Scene<'_>,
+        start: &InitialPose,
+        keyframes: &[&Keyframe],
+    ) -> Result<PoseCandidate, GpuError> {
+        self.upload_keyframes(keyframes)?;
+        let base = &start.world_from_camera;
+        let mut found = self.align_from(scene, base, start, start.is_wide, keyframes)?;
+        let (metres, radians) = distance(base, &found.world_from_camera);
+        let is_far = metres > self.config.rerender_metres || radians > self.config.rerender_radians;
+        // Quality is judged with narrow thresholds, so a wide start is aligned until it has settled.
+        let most = if start.is_wide { MAX_NARROW_ALIGNMENTS } else { usize::from(is_far) };
+        for _ in 0..most {
+            if found.quality.overlap < self.config.min_overlap {
+                break;
+            }
+            let nearer = InitialPose { exposure: found.exposure, ..start.clone() };
+            let base = found.world_from_camera;
+            found = self.align_from(scene, &base, &nearer, false, keyframes)?;
+            let (metres, radians) = distance(&base, &found.world_from_camera);
+            if metres < SETTLED && radians < SETTLED {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Puts the images of these keyframes on the device, in place of those that are no longer used.
+    fn upload_keyframes(&mut self, keyframes: &[&Keyframe]) -> Result<(), GpuError> {
+        let is_wanted = |sequence: u64| keyframes.iter().any(|kf| kf.frame.sequence == sequence);
+        let (kept, mut spare): (Vec<_>, Vec<_>) =
+            self.keyframes.drain(..).partition(|(sequence, _)| is_wanted(*sequence));
+        self.keyframes = kept;
+        for keyframe in keyframes {
+            let sequence = keyframe.frame.sequence;
+            if self.keyframes.iter().any(|(uploaded, _)| *uploaded == sequence) {
+                continue;
+            }
+            let mut pyramid = match spare.pop() {
+                Some((_, pyramid)) => pyramid,
+                None => self.pyramids.allocate(&self.camera, self.levels)?,
+            };
+            let image = &keyframe.tracking;
+            self.pyramids.fill(&mut pyramid, &image.rgb, &image.depth_metres)?;
+            self.keyframes.push((sequence, pyramid));
+        }
+        Ok(())
+    }
+
+    /// Renders the map at `world_from_base` if needed and aligns the frame with it and the keyframes.
+    fn align_from(
+        &mut self,
+        scene: &mut Scene<'_>,
+        world_from_base: &Isometry3<f64>,
+        start: &InitialPose,
+        is_wide: bool,
+        keyframes: &[&Keyframe],
+    ) -> Result<PoseCandidate, GpuError> {
+        let mut references = Vec::new();
+        let map_weight = if keyframes.is_empty() { 1.0 } else { self.config.map_weight };
+        if map_weight > 0.0 {
+            self.render(scene, world_from_base)?;
+            references.push(Reference {
+                pyramid: &self.rendered,
+                world_from_reference: *world_from_base,
+                exposure: [0.0; 2],
+                weight: map_weight,
+            });
+        }
+        for keyframe in keyframes {
+            let sequence = keyframe.frame.sequence;
+            let uploaded = self.keyframes.iter().find(|(uploaded, _)| *uploaded == sequence);
+            let (_, pyramid) = uploaded.expect("the keyframe was uploaded");
+            references.push(Reference {
+                pyramid,
+                world_from_reference: keyframe.frame.world_from_camera,
+                exposure: keyframe.map_exposure,
+                weight: 1.0,
+            });
+        }
+        let prior = start.information.as_ref().map(|information| {
+            // Neighbouring pixels are correlated, and only some of them are compared.
+            let pixels = self.config.correlated_pixels / f64::from(self.stride());
+            let base_from_world = world_from_base.inverse();
+            let mut prior = prior(&base_from_world, &start.world_from_camera, information);
+            prior.information *= pixels;
+            prior
+        });
+        let schedule = self.schedule(is_wide, prior);
+        let estimate = Estimate { exposure: start.exposure, ..Estimate::default() };
+        let aligner = &mut self.aligner;
+        align(aligner, &references, &self.live, world_from_base, &estimate, &schedule)
+    }
+
+    fn render(
+        &mut self,
+        scene: &mut Scene<'_>,
+        world_from_base: &Isometry3<f64>,
+    ) -> Result<(), GpuError> {
+        let camera_from_world = world_from_base.inverse().cast();
+        let camera = Camera { camera_from_world, ..self.camera.clone() };
+        let drawn = scene.trainer.renderer().draw_color(scene.gaussians, &camera)?;
+        let drawn = drawn.expect("the tracker does not ask an empty map");
+        let mut recorder = Recorder::new(&self.gpu)?;
+        let image = (drawn.image, drawn.pixels);
+        self.pyramids.fill_rendered(&mut recorder, &self.rendered, image)?;
+        recorder.submit();
+        Ok(())
+    }
+
+    /// Aligns the frame with the last tracked one; `None` if there is none.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn align_with_last(
+        &mut self,
+        start: &InitialPose,
+    ) -> Result<Option<PoseCandidate>, GpuError> {
+        let Some(last) = self.last_found else { return Ok(None) };
+        let reference = Reference {
+            pyramid: &self.last,
+            world_from_reference: last.world_from_camera,
+            exposure: last.exposure,
+            weight: 1.0,
+        };
+        let schedule = self.schedule(false, None);
+        let estimate = Estimate { exposure: last.exposure, ..Estimate::default() };
+        let (aligner, live, base) = (&mut self.aligner, &self.live, &start.world_from_camera);
+        align(aligner, &[reference], live, base, &estimate, &schedule).map(Some)
+    }
+
+    /// Every how many pixels of the finest level one is compared.
+    fn stride(&self) -> u32 {
+        let stride = self.camera.pixels() / self.config.pixels.max(1);
+        stride.clamp(1, MAX_STRIDE) as u32
+    }
+
+    fn schedule(&self, is_wide: bool, prior: Option<Prior>) -> Schedule {
+        let config = &self.config;
+        let mut steps = if is_wide { config.wide_steps.clone() } else { config.steps.clone() };
+        steps.truncate(self.levels);
+        let narrow = AlignSettings {
+            photometric_weight: config.photometric_weight,
+            geometric_weight: config.geometric_weight,
+            depth_noise: config.depth_noise,
+            stride: self.stride(),
+            ..AlignSettings::default()
+        };
+        let settings = if is_wide { widened(&narrow) } else { narrow };
+        Schedule { steps, settings, with_exposure: config.exposure, prior, ..Schedule::default() }
+    }
+}
+
+/// Settings for an initial pose that may be far off.
+fn widened(narrow: &AlignSettings) -> AlignSettings {
+    AlignSettings {
+        photometric_threshold: WIDE_FACTOR * narrow.photometric_threshold,
+        geometric_threshold: WIDE_FACTOR * narrow.geometric_threshold,
+        depth_gate: WIDE_FACTOR * narrow.depth_gate,
+        normal_gate: -1.0,
+        ..*narrow
+    }
+}
+
+/// Translation in metres and rotation in radians between two poses.
+fn distance(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (f64, f64) {
+    let motion = from.inverse() * to;
+    (motion.translation.vector.norm(), motion.rotation.angle())
+}
+
+/// Runs the alignment and measures the quality of its result.
+fn align(
+    aligner: &mut Aligner,
+    references: &[Reference<'_>],
+    live: &Pyramid,
+    world_from_base: &Isometry3<f64>,
+    start: &Estimate,
+    schedule: &Schedule,
+) -> Result<PoseCandidate, GpuError> {
+    let (aligned, systems) =
+        multi_reference::align(aligner, references, live, world_from_base, start, schedule)?;
+    let mut world_from_camera = world_from_base * aligned.estimate.reference_from_live;
+    world_from_camera.rotation.renormalize();
+    // A prior constrains motions that the images do not show.
+    let conditioning = aligned.system.conditioning(schedule.with_exposure, schedule.prior.as_ref());
+    Ok(PoseCandidate {
+        world_from_camera,
+        exposure: aligned.estimate.exposure,
+        quality: AlignmentQuality::of(&systems, conditioning),
+        jumped: false,
+    })
+}
+
+/// Transforms a prior on `world_from_camera` into the base's frame. A left perturbation tau of the pose is
+/// Ad tau there, where Ad is the adjoint of `base_from_world`.
+fn prior(
+    base_from_world: &Isometry3<f64>,
+    world_from_camera: &Isometry3<f64>,
+    information: &Matrix6<f64>,
+) -> Prior {
+    let inverse = adjoint(&base_from_world.inverse());
+    Prior {
+        information: inverse.transpose() * information * inverse,
+        reference_from_live: base_from_world * world_from_camera,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lexsplat_gpu::align::se3;
+    use nalgebra::Vector6;
+
+    #[test]
+    fn a_prior_costs_the_same_seen_from_anywhere() {
+        let information = Matrix6::from_diagonal(&Vector6::new(1.0, 4.0, 9.0, 100.0, 400.0, 900.0));
+        let expected = se3::exp(&Vector6::new(0.4, -0.2, 0.3, 0.5, -0.8, 0.2));
+        let tau = Vector6::new(0.01, 0.02, -0.01, 0.005, -0.01, 0.02);
+        let there = se3::exp(&tau) * expected;
+        let cost = 0.5 * tau.dot(&(information * tau));
+        let base = se3::exp(&Vector6::new(-0.3, 0.1, 0.9, 0.1, 0.7, -0.2));
+        let seen = prior(&base, &expected, &information);
+        let found = seen.cost(&(base * there));
+        assert!((found - cost).abs() < 1e-6 * cost, "{found} {cost}");
+        assert!(seen.cost(&(base * expected)).abs() < 1e-12);
+        assert!((seen.cost(&there) - cost).abs() > 0.1 * cost, "the base matters");
+    }
+}

@@ -1,0 +1,69 @@
+//! Whether an estimated pose is accepted.
+//!
+//! In: a frame, or how well it agrees with its reference after alignment. Out: yes or no. Thresholds are
+//! settings. All comparisons are phrased so that a NaN is rejected.
+
+use super::super::downsampled_frame::DownsampledFrame;
+use super::config::TrackerConfig;
+use lexsplat_gpu::NormalSystem;
+
+/// A frame with a smaller share of measured pixels is neither tracked nor mapped.
+const MIN_MEASURED: f64 = 0.03;
+/// A frame with a smaller mean intensity is black, 0 to 255.
+const BLACK: f64 = 6.0;
+
+/// How well a frame agrees with its reference after alignment. All shares are 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct AlignmentQuality {
+    /// Share of the measured pixels that project into the reference.
+    pub overlap: f64,
+    /// Share of those that lie on the reference's surface.
+    pub surface: f64,
+    /// Share of the compared pixels that have the reference's intensity.
+    pub intensity: f64,
+    /// Smallest over largest eigenvalue of the normal system.
+    pub conditioning: f64,
+}
+
+impl AlignmentQuality {
+    /// Quality with respect to the reference that the frame agrees with best.
+    pub fn of(systems: &[NormalSystem], conditioning: f64) -> Self {
+        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
+        let quality = |system: &NormalSystem| {
+            let counts = &system.counts;
+            Self {
+                overlap: share(counts.inside, counts.live),
+                surface: share(counts.geometric_inliers, counts.inside),
+                intensity: share(counts.photometric_inliers, counts.photometric),
+                conditioning,
+            }
+        };
+        let all = systems.iter().map(quality);
+        let agreement = |quality: &Self| quality.overlap * quality.surface;
+        let best = all.max_by(|a, b| agreement(a).total_cmp(&agreement(b)));
+        best.unwrap_or(Self { overlap: 0.0, surface: 0.0, intensity: 0.0, conditioning })
+    }
+
+    /// Good enough for a frame that was predicted.
+    pub fn is_tracked(&self, config: &TrackerConfig) -> bool {
+        self.overlap >= config.min_overlap
+            && self.surface >= config.min_surface
+            && self.intensity >= config.min_intensity
+            && self.conditioning >= config.min_conditioning
+    }
+
+    /// Good enough for a pose that started from a guess.
+    pub fn is_relocalised(&self, config: &TrackerConfig) -> bool {
+        self.is_tracked(config)
+            && self.surface >= config.relocalise_surface
+            && self.intensity >= config.relocalise_intensity
+    }
+}
+
+/// Whether a frame is black or hardly measured, so that it can be neither tracked nor mapped.
+pub(super) fn is_blank(frame: &DownsampledFrame) -> bool {
+    let measured = frame.depth_metres.iter().filter(|depth| **depth > 0.0).count();
+    let light: u64 = frame.rgb.iter().map(|value| u64::from(*value)).sum();
+    let is_measured = measured as f64 >= MIN_MEASURED * frame.depth_metres.len() as f64;
+    !is_measured || (light as f64) < BLACK * frame.rgb.len() as f64
+}
