@@ -5,7 +5,7 @@ use lexsplat_proto::v1;
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_server::config::Config;
 use lexsplat_server::pipeline::engine::Engine;
-use lexsplat_server::pipeline::query::{Outputs, Place, Query, View};
+use lexsplat_server::pipeline::query::{Outputs, Query, SpatialFilter, View};
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -120,7 +120,7 @@ impl Server {
                 threshold: None,
                 smoothing_pixels: None,
                 max_objects: 10,
-                place: Place::default(),
+                filter: SpatialFilter::default(),
             };
             let answer = self.engine.query_snapshot(snapshot.clone(), query).await;
             let peak = answer.expect("it is answered").peak.expect("a view query has a peak");

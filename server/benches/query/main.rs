@@ -14,7 +14,7 @@ use lexsplat_server::pipeline::network::{
     Bundle, Tensor, TextNetworks, VisionNetworks, VisionStages,
 };
 use lexsplat_server::pipeline::query::{
-    Contest, Outputs, Place, Query, QueryConfig, QueryThread, Timing, View,
+    Outputs, Query, QueryConfig, QueryThread, SegmentationRequest, SpatialFilter, Timing, View,
 };
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use nalgebra::Isometry3;
@@ -143,20 +143,20 @@ impl Bench {
             threshold: None,
             smoothing_pixels: None,
             max_objects: 10,
-            place: Place::default(),
+            filter: SpatialFilter::default(),
         };
         Ok(self.runtime.block_on(self.thread.ask(snapshot.clone(), query))?.timing)
     }
 
     fn compare(&self, snapshot: &Arc<MapSnapshot>, view: Option<View>) -> anyhow::Result<Timing> {
-        let contest = Contest {
+        let request = SegmentationRequest {
             texts: WORDS.map(str::to_owned).to_vec(),
             negatives: Vec::new(),
             view,
             threshold: None,
             smoothing_pixels: None,
         };
-        Ok(self.runtime.block_on(self.thread.segment(snapshot.clone(), contest))?.timing)
+        Ok(self.runtime.block_on(self.thread.segment(snapshot.clone(), request))?.timing)
     }
 
     fn run(&self) -> anyhow::Result<()> {

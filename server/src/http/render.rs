@@ -6,7 +6,7 @@ use super::state::{Shared, State};
 use crate::check;
 use crate::export;
 use crate::pipeline::map::Map;
-use crate::pipeline::query::Picture;
+use crate::pipeline::query::RenderedImage;
 use crate::telemetry::RENDER_SECONDS;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse as _, Response};
@@ -85,7 +85,7 @@ async fn picture(
     let request =
         check::render_request(request, map.snapshot().intrinsics, state.config.max_render_pixels)?;
     let picture = state.in_time(state.engine().render(map, request)).await??;
-    let npy = wants_npy(headers) && matches!(picture, Picture::Depth { .. });
+    let npy = wants_npy(headers) && matches!(picture, RenderedImage::Depth { .. });
     let written = tokio::task::spawn_blocking(move || write(&picture, npy)).await;
     let file = written
         .map_err(|_| Problem::internal("writing the image panicked: see the server's log"))?;
@@ -100,13 +100,15 @@ async fn picture(
     Ok((headers, file).into_response())
 }
 
-fn write(picture: &Picture, npy: bool) -> Vec<u8> {
+fn write(picture: &RenderedImage, npy: bool) -> Vec<u8> {
     match picture {
-        Picture::Rgb { width, height, data } => export::rgb_png(*width, *height, data),
-        Picture::Depth { width, height, metres } if npy => {
+        RenderedImage::Rgb { width, height, data } => export::rgb_png(*width, *height, data),
+        RenderedImage::Depth { width, height, metres } if npy => {
             export::npy(&[*height as usize, *width as usize], metres)
         }
-        Picture::Depth { width, height, metres } => export::depth_png(*width, *height, metres),
+        RenderedImage::Depth { width, height, metres } => {
+            export::depth_png(*width, *height, metres)
+        }
     }
 }
 

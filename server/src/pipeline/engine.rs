@@ -7,8 +7,8 @@ use super::map_thread::{self, StageConfigs};
 use super::mapper::MapperConfig;
 use super::network::{Bundle, BundleError};
 use super::query::{
-    self, Answer, Contest, Mesh, Picture, Query, QueryConfig, QueryError, QueryThread,
-    RenderRequest, Segmentation,
+    self, Answer, Mesh, Query, QueryConfig, QueryError, QueryThread, RenderRequest, RenderedImage,
+    Segmentation, SegmentationRequest,
 };
 use super::snapshot::MapSnapshot;
 use super::tracker::TrackerConfig;
@@ -198,15 +198,23 @@ impl Engine {
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the texts.
-    pub async fn segment(&self, map: &Map, contest: Contest) -> Result<Segmentation, QueryError> {
-        self.query.segment(map.snapshot(), contest).await
+    pub async fn segment(
+        &self,
+        map: &Map,
+        request: SegmentationRequest,
+    ) -> Result<Segmentation, QueryError> {
+        self.query.segment(map.snapshot(), request).await
     }
 
     /// Renders the map's newest snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the request.
-    pub async fn render(&self, map: &Map, request: RenderRequest) -> Result<Picture, QueryError> {
+    pub async fn render(
+        &self,
+        map: &Map,
+        request: RenderRequest,
+    ) -> Result<RenderedImage, QueryError> {
         self.query.render(map.snapshot(), request).await
     }
 
@@ -225,7 +233,7 @@ impl Engine {
         let mut mesh = query::mesh(self.gpu.clone(), snapshot.clone(), voxel_metres).await?;
         if let Some(question) = question {
             let codes = mesh.codes.clone();
-            mesh.relevancies = self.query.compare(snapshot, codes, question).await?;
+            mesh.relevancies = self.query.relevancies(snapshot, codes, question).await?;
         }
         Ok(mesh)
     }

@@ -1,7 +1,9 @@
 //! Checks of the single fields of a question.
 
 use crate::check::refusal::Refusal;
-use crate::pipeline::query::{Bounds, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Outputs, Place};
+use crate::pipeline::query::{
+    Bounds, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Outputs, SpatialFilter,
+};
 use lexsplat_proto::json;
 use nalgebra::Point3;
 
@@ -40,11 +42,11 @@ pub(super) fn smoothing(field: &str, given: Option<u32>) -> Result<Option<u32>, 
     }
 }
 
-pub(super) fn place(
+pub(super) fn spatial_filter(
     near: Option<[f32; 3]>,
     within: Option<json::Bounds>,
     has_view: bool,
-) -> Result<Place, Refusal> {
+) -> Result<SpatialFilter, Refusal> {
     let given = [("near", near.is_some()), ("within", within.is_some())];
     if let Some((field, _)) = given.into_iter().find(|(_, given)| *given && has_view) {
         return Err(Refusal::new(field, "expected only in a question without a view"));
@@ -56,7 +58,7 @@ pub(super) fn place(
         let reason = || format!("expected no coordinate below within.min {min:?}, found {max:?}");
         if ordered { Ok(bounds) } else { Err(Refusal::new("within.max", reason())) }
     });
-    Ok(Place { near, within: within.transpose()? })
+    Ok(SpatialFilter { near, within: within.transpose()? })
 }
 
 fn finite(field: &str, point: [f32; 3]) -> Result<Point3<f32>, Refusal> {

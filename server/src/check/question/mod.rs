@@ -5,8 +5,8 @@ mod fields;
 use super::limits::Limits;
 use super::refusal::Refusal;
 use super::view;
-use crate::pipeline::query::{Contest, Query, View};
-use fields::{max_objects, negatives, outputs, place, smoothing, texts, threshold, words};
+use crate::pipeline::query::{Query, SegmentationRequest, View};
+use fields::{max_objects, negatives, outputs, smoothing, spatial_filter, texts, threshold, words};
 use lexsplat_proto::{json, v1};
 
 /// A checked question.
@@ -15,7 +15,7 @@ pub(crate) enum Question {
     /// Where is this text?
     Text(Query),
     /// Which of these texts fits where?
-    Texts(Contest),
+    Texts(SegmentationRequest),
 }
 
 impl Question {
@@ -109,7 +109,7 @@ impl Unchecked {
     /// Checks a question with one text.
     fn one(self) -> Result<Query, Refusal> {
         let text = words("text", &self.text)?;
-        let place = place(self.near, self.within, self.view.is_some())?;
+        let filter = spatial_filter(self.near, self.within, self.view.is_some())?;
         let max_objects = max_objects(self.max_objects)?;
         Ok(Query {
             outputs: outputs(&self.outputs, self.view.is_some())?,
@@ -119,12 +119,12 @@ impl Unchecked {
             threshold: threshold(self.threshold)?,
             smoothing_pixels: smoothing(self.smoothing_field, self.smoothing_pixels)?,
             max_objects,
-            place,
+            filter,
         })
     }
 
     /// Checks a question with several texts.
-    fn several(self) -> Result<Contest, Refusal> {
+    fn several(self) -> Result<SegmentationRequest, Refusal> {
         let only_with_one_text = [
             ("text", !self.text.is_empty()),
             ("outputs", !self.outputs.is_empty()),
@@ -135,7 +135,7 @@ impl Unchecked {
         if let Some((field, _)) = only_with_one_text.into_iter().find(|(_, given)| *given) {
             return Err(Refusal::new(field, "expected nothing beside texts"));
         }
-        Ok(Contest {
+        Ok(SegmentationRequest {
             texts: texts(&self.texts)?,
             negatives: negatives(&self.negatives)?,
             view: self.view,

@@ -31,10 +31,10 @@ fn several_texts_are_another_kind_of_question() {
     let field = |question: Unchecked| {
         question.checked().err().map(|refusal| refusal.field).unwrap_or_default()
     };
-    let Question::Texts(contest) = several(&["cup", " sofa "]).checked().unwrap() else {
+    let Question::Texts(segmentation) = several(&["cup", " sofa "]).checked().unwrap() else {
         panic!("two texts are several")
     };
-    assert_eq!(contest.texts, ["cup", "sofa"]);
+    assert_eq!(segmentation.texts, ["cup", "sofa"]);
     assert!(matches!(plain("cup").checked(), Ok(Question::Text(_))));
     assert_eq!(field(several(&["cup"])), "texts");
     assert_eq!(field(several(&["cup", ""])), "texts[1]");
@@ -50,11 +50,11 @@ fn several_texts_are_another_kind_of_question() {
 }
 
 #[test]
-fn places_are_finite_ordered_and_in_space() {
+fn spatial_filters_are_finite_ordered_and_in_space() {
     let base = || plain("cup");
     let within = |min, max| Unchecked { within: Some(json::Bounds { min, max }), ..base() };
     let query = within([0.0; 3], [1.0, 0.0, 2.0]).one().unwrap();
-    assert_eq!(query.place.within.unwrap().max, Point3::new(1.0, 0.0, 2.0));
+    assert_eq!(query.filter.within.unwrap().max, Point3::new(1.0, 0.0, 2.0));
     assert_eq!(field(within([0.0; 3], [1.0, -0.1, 2.0])), "within.max");
     assert_eq!(field(within([0.0, f32::NAN, 0.0], [1.0; 3])), "within.min");
     let near = Some([0.0, f32::INFINITY, 0.0]);

@@ -1,34 +1,34 @@
-//! What a map answers: relevancies, boxes, points and objects, in the map's world and in metres.
+//! Answers of a map, in the map's world and in metres.
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-/// The answer to a [`super::Query`].
+/// The answer to a [`Query`](super::Query).
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// The map's revision that was asked.
+    /// Revision of the map that was asked.
     pub revision: u64,
-    /// Whether what was asked for is there.
+    /// Whether the map contains what was asked for: `confidence` is at least one half.
     pub present: bool,
-    /// How sure it is that it is there, 0..1; `present` is one half or more.
+    /// Confidence that the map contains what was asked for, 0..1.
     pub confidence: f32,
-    /// How much of what was asked about has language in it, 0..1: "never seen" is not "seen,
-    /// absent".
+    /// Share of the view's pixels or of the map's Gaussians that have language, 0..1. It tells
+    /// "not yet seen" from "seen and absent".
     pub coverage: f32,
-    /// The relevancy above which something counted.
+    /// Relevancy above which a pixel or a Gaussian counted.
     pub threshold: f32,
-    /// The relevancy of every pixel.
+    /// The relevancy of each pixel (2D).
     pub heatmap: Option<Heatmap>,
-    /// Pixels above the threshold.
+    /// Pixels above the threshold (2D).
     pub mask: Option<Mask>,
-    /// One per connected region, best first.
+    /// Boxes of the mask's connected components, best first (2D).
     pub boxes: Option<Vec<ScoredBox>>,
-    /// The most relevant pixel (view queries).
+    /// The most relevant pixel (2D).
     pub peak: Option<Peak>,
-    /// The surface of the objects' Gaussians, 2 cm apart.
+    /// Points on the surface of the objects' Gaussians, 2 cm apart (3D).
     pub points: Option<Vec<ScoredPoint>>,
-    /// Clusters of relevant Gaussians, best first.
+    /// Clusters of relevant Gaussians, best first (3D).
     pub objects: Option<Vec<Object>>,
-    /// Where the time went.
+    /// Duration of each step.
     pub timing: Timing,
 }
 
@@ -39,11 +39,11 @@ pub struct Heatmap {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// The relevancies.
+    /// Relevancies.
     pub values: Vec<f32>,
 }
 
-/// A binary mask as COCO run lengths: column-major, starting with zeros.
+/// A binary mask in COCO's run-length encoding: column-major, starting with zeros.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mask {
     /// Rows.
@@ -54,7 +54,7 @@ pub struct Mask {
     pub counts: Vec<u32>,
 }
 
-/// A box in pixels, `x`, `y` its top-left corner.
+/// A box in pixels; `x`, `y` is its top-left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScoredBox {
     /// Left column.
@@ -65,7 +65,7 @@ pub struct ScoredBox {
     pub width: f32,
     /// Rows.
     pub height: f32,
-    /// The region's highest relevancy.
+    /// The component's highest relevancy.
     pub score: f32,
 }
 
@@ -80,12 +80,12 @@ pub struct Peak {
     pub score: f32,
 }
 
-/// A relevant Gaussian's centre.
+/// A point with a relevancy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScoredPoint {
     /// Metres, in the map's world.
     pub position: Point3<f32>,
-    /// Its relevancy.
+    /// The relevancy of its Gaussian.
     pub score: f32,
 }
 
@@ -98,34 +98,35 @@ pub struct Object {
     pub center: Point3<f32>,
     /// Sides of the oriented box, metres.
     pub size: Vector3<f32>,
-    /// The oriented box's axes: `world_from_box`.
+    /// Orientation of the oriented box: `world_from_box`.
     pub rotation: UnitQuaternion<f32>,
-    /// Axis-aligned box, least corner.
+    /// Least corner of the axis-aligned box, metres.
     pub aabb_min: Point3<f32>,
-    /// Axis-aligned box, greatest corner.
+    /// Greatest corner of the axis-aligned box, metres.
     pub aabb_max: Point3<f32>,
-    /// Gaussians in it.
+    /// Number of Gaussians.
     pub points: usize,
-    /// From the asked point to the oriented box, metres; 0 inside.
+    /// From the query's `near` point to the oriented box, metres; 0 inside.
     pub distance: Option<f32>,
 }
 
-/// The answer to a [`super::Contest`]. Label 0 is "none of them", label `k` the `k`-th text.
+/// The answer to a [`SegmentationRequest`](super::SegmentationRequest). Label 0 is "none of the
+/// texts", label `k` the `k`-th text.
 #[derive(Clone, Debug)]
 pub struct Segmentation {
-    /// The map's revision that was asked.
+    /// Revision of the map that was asked.
     pub revision: u64,
-    /// How much of what was asked about has language in it, 0..1.
+    /// Share of the view's pixels or of the map's Gaussians that have language, 0..1.
     pub coverage: f32,
-    /// The relevancy that the best text had to exceed.
+    /// Relevancy that the best text had to exceed.
     pub threshold: f32,
-    /// Of each text, the share of the pixels, or of the Gaussians, that have its label.
+    /// For each text, the share of the pixels or of the Gaussians with its label.
     pub shares: Vec<f32>,
-    /// The label of every pixel (view queries).
+    /// The label of each pixel (2D).
     pub image: Option<LabelImage>,
-    /// The label of every Gaussian with language (3D queries).
+    /// The label of each Gaussian with language (3D).
     pub points: Option<Vec<LabelledPoint>>,
-    /// Where the time went.
+    /// Duration of each step.
     pub timing: Timing,
 }
 
@@ -136,55 +137,55 @@ pub struct LabelImage {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// The labels.
+    /// Labels.
     pub labels: Vec<u8>,
 }
 
-/// A Gaussian's centre with the best text's label.
+/// The centre of a Gaussian with its label.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LabelledPoint {
     /// Metres, in the map's world.
     pub position: Point3<f32>,
-    /// 0: none.
+    /// 0: none of the texts.
     pub label: u8,
-    /// The best text's relevancy, whether it counted or not.
+    /// The best text's relevancy, also if it is below the threshold.
     pub score: f32,
 }
 
-/// Milliseconds.
+/// Durations, milliseconds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Timing {
-    /// Text tower (0 when cached).
+    /// Text tower; 0 when the embeddings are cached.
     pub text: f32,
-    /// Rendering codes.
+    /// Rendering of codes.
     pub render: f32,
-    /// 15 -> 32 -> D.
+    /// Decoding of codes to features.
     pub decode: f32,
-    /// Relevancy, smoothing, regions, clusters.
+    /// Relevancy, smoothing, components and clusters.
     pub score: f32,
-    /// All of it, waiting in the queue included.
+    /// From the arrival of the request to the answer, including the wait in the queue.
     pub total: f32,
 }
 
-/// A rendered picture.
+/// A rendered image.
 #[derive(Clone, Debug)]
-pub enum Picture {
+pub enum RenderedImage {
     /// `[height * width * 3]`, 8 bit.
     Rgb {
         /// Columns.
         width: u32,
         /// Rows.
         height: u32,
-        /// The pixels.
+        /// Pixels.
         data: Vec<u8>,
     },
-    /// `[height * width]`, metres; 0 where nothing is.
+    /// `[height * width]`, metres; 0 where there is no depth.
     Depth {
         /// Columns.
         width: u32,
         /// Rows.
         height: u32,
-        /// The depths.
+        /// Depths.
         metres: Vec<f32>,
     },
 }

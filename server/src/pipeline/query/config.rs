@@ -1,6 +1,6 @@
 //! Settings of the queries, section `[query]`.
 
-use super::request::MAX_VIEW_SIDE;
+use super::limits::MAX_VIEW_SIDE;
 use crate::pipeline::range::{OutOfRange, above, at_least, within};
 use serde::{Deserialize, Serialize};
 

@@ -1,63 +1,57 @@
-//! What can be asked of a map: a [`Query`] in words, or a [`RenderRequest`] for a picture.
+//! Requests to a map: a [`Query`], a [`SegmentationRequest`] or a [`RenderRequest`].
 //!
-//! Made by the edges (`http`, `ingest`) from checked input.
+//! The edges (`http`, `ingest`) make them from checked input.
 
-use super::super::frame::Intrinsics;
+use super::error::QueryError;
+use crate::pipeline::frame::Intrinsics;
 use nalgebra::{Isometry3, Point3};
 
-/// The longest text that is taken, in bytes.
-pub const MAX_TEXT_BYTES: usize = 1024;
-/// The most negatives in one query.
-pub const MAX_NEGATIVES: usize = 32;
-/// The longest side of a view that is answered or rendered, pixels.
-pub const MAX_VIEW_SIDE: u32 = 4096;
-
-/// A question in plain words.
+/// A question in plain words: where is it?
 #[derive(Clone, Debug)]
 pub struct Query {
-    /// What is looked for; not empty, at most [`MAX_TEXT_BYTES`].
+    /// Text of what is looked for: not empty, at most
+    /// [`MAX_TEXT_BYTES`](super::MAX_TEXT_BYTES) long.
     pub text: String,
-    /// What it is not; empty: the bundle's canonical negatives.
+    /// Negative texts; empty: the bundle's canonical negatives.
     pub negatives: Vec<String>,
-    /// Answer for this view; `None` is a 3D query.
+    /// View for a 2D query; `None`: a 3D query.
     pub view: Option<View>,
-    /// What to put into the answer.
+    /// Parts of the answer.
     pub outputs: Outputs,
-    /// Relevancy above which something counts; `None`: the bundle's.
+    /// Relevancy above which a pixel or a Gaussian counts, 0..1; `None`: the configured one.
     pub threshold: Option<f32>,
-    /// Side of the mean filter over the heat map, pixels; 0 or 1: none; `None`: the configured one.
+    /// Side of the mean filter over the heat map, pixels. 0 or 1: no filter. `None`: the configured
+    /// one.
     pub smoothing_pixels: Option<u32>,
-    /// The most objects in the answer.
+    /// The most objects in the answer (3D).
     pub max_objects: usize,
-    /// Where in space to look (3D).
-    pub place: Place,
+    /// Restriction and order of objects and points (3D).
+    pub filter: SpatialFilter,
 }
 
-/// The most texts that are compared with each other.
-pub const MAX_TEXTS: usize = 32;
-
-/// Several texts compared with each other: which of them is each pixel, or each Gaussian?
+/// An open-vocabulary segmentation: which of several texts does each pixel or Gaussian match best?
 #[derive(Clone, Debug)]
-pub struct Contest {
-    /// What may be there, 2 to [`MAX_TEXTS`], all different.
+pub struct SegmentationRequest {
+    /// Texts of the labels: 2 to [`MAX_TEXTS`](super::MAX_TEXTS), all different.
     pub texts: Vec<String>,
-    /// What it is not; empty: the bundle's canonical negatives.
+    /// Negative texts; empty: the bundle's canonical negatives.
     pub negatives: Vec<String>,
-    /// Answer for this view; `None` is a 3D query.
+    /// View for a 2D segmentation; `None`: all Gaussians.
     pub view: Option<View>,
-    /// Relevancy that the best text must exceed, or there is no label; `None`: 0.5, nearer to the
-    /// text than to every negative. 0: every place with language gets a label.
+    /// Relevancy that the best text must exceed to be the label, 0..1. `None`: 0.5, nearer to the
+    /// text than to all negatives. 0: each place with language gets a label.
     pub threshold: Option<f32>,
-    /// Side of the mean filter over relevancies, pixels; 0 or 1: none; `None`: the configured one.
+    /// Side of the mean filter over relevancy maps, pixels. 0 or 1: no filter. `None`: the
+    /// configured one.
     pub smoothing_pixels: Option<u32>,
 }
 
-/// Where in space objects and points may be, metres in the map's world.
+/// Restriction and order of objects and points, metres in the map's world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place {
-    /// Objects nearest to this point come first, and say how far they are.
+pub struct SpatialFilter {
+    /// Objects are sorted by their distance to this point.
     pub near: Option<Point3<f32>>,
-    /// Only points, and objects whose centres are, between these corners.
+    /// Only points, and objects with centres, within this box.
     pub within: Option<Bounds>,
 }
 
@@ -66,7 +60,7 @@ pub struct Place {
 pub struct Bounds {
     /// The least corner.
     pub min: Point3<f32>,
-    /// The greatest corner; no coordinate is less than the least corner's.
+    /// The greatest corner; no coordinate is less than that of `min`.
     pub max: Point3<f32>,
 }
 
@@ -77,12 +71,12 @@ impl Bounds {
     }
 }
 
-/// A place to look from.
+/// A viewpoint.
 #[derive(Clone, Debug)]
 pub enum View {
-    /// A tracked frame, by sequence.
+    /// The pose of a tracked frame, by its sequence, with the camera of the stream.
     Frame(u64),
-    /// Any camera.
+    /// An arbitrary camera.
     Camera {
         /// Its intrinsics.
         intrinsics: Intrinsics,
@@ -91,54 +85,62 @@ pub enum View {
     },
 }
 
-/// What an answer holds.
+/// Parts of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outputs {
-    /// The relevancy of every pixel (2D).
+    /// The relevancy of each pixel (2D).
     pub heatmap: bool,
     /// Pixels above the threshold (2D).
     pub mask: bool,
-    /// One box per connected region of the mask (2D).
+    /// One box for each connected component of the mask (2D).
     pub boxes: bool,
-    /// Centres with their scores of the relevant Gaussians that belong to some object, the smallest and
-    /// those beyond `max_objects` too (3D).
+    /// Scored points on the Gaussians of all objects, including those beyond `max_objects` (3D).
     pub points: bool,
-    /// Relevant Gaussians clustered into objects (3D).
+    /// Clusters of relevant Gaussians (3D).
     pub objects: bool,
 }
 
 impl Outputs {
-    /// All that fit a view query.
+    /// All parts of a 2D answer.
     pub const VIEW: Self =
         Self { heatmap: true, mask: true, boxes: true, points: false, objects: false };
-    /// All that fit a 3D query.
+    /// All parts of a 3D answer.
     pub const SPACE: Self =
         Self { heatmap: false, mask: false, boxes: false, points: true, objects: true };
-    /// Nothing.
+    /// No parts.
     pub const NONE: Self =
         Self { heatmap: false, mask: false, boxes: false, points: false, objects: false };
 }
 
-/// What a rendered picture shows.
+/// Content of a rendered image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
-    /// The color head.
+    /// Color of the color head.
     Color,
-    /// Depth in metres, from the color head.
+    /// Depth of the color head, metres.
     Depth,
-    /// Language codes, three principal directions as colors.
+    /// Language codes: their three principal components as colors.
     Language,
     /// Opacity of the color head.
     Opacity,
 }
 
-/// A picture of the map.
+/// An image of the map.
 #[derive(Clone, Debug)]
 pub struct RenderRequest {
-    /// From where.
+    /// Viewpoint.
     pub view: View,
-    /// Of what.
+    /// Content.
     pub channel: Channel,
-    /// Another size than the view's camera has, `(width, height)` in pixels.
+    /// `(width, height)` in pixels; `None`: the size of the view's camera.
     pub size: Option<(u32, u32)>,
+}
+
+/// The requested threshold, or else `default`.
+pub(super) fn checked_threshold(requested: Option<f32>, default: f32) -> Result<f32, QueryError> {
+    let threshold = requested.unwrap_or(default);
+    match (0.0..=1.0).contains(&threshold) {
+        true => Ok(threshold),
+        false => Err(QueryError::BadThreshold { found: threshold }),
+    }
 }

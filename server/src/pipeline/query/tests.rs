@@ -1,4 +1,4 @@
-//! Questions to a small map: a couch on the left, a banana on the right, nothing else.
+//! Requests to a small map: a couch on the left, a banana on the right.
 
 use super::*;
 use crate::pipeline::compressor::{
@@ -25,9 +25,9 @@ fn bundle() -> TextNetworks {
     Bundle::load(&LanguageConfig::default()).expect("models/tiny is part of the project").split().1
 }
 
-/// The generic code that is decoded to (nearly) what a word says: the best of many, then of many
-/// near it, nearer each time. Bundles need not have an encoder for features by themselves.
-fn code(text: &mut TextNetworks, word: &str) -> Vec<f32> {
+/// A generic code that is decoded to nearly the embedding of a word, by random search in a shrinking
+/// neighbourhood. Not all bundles have an encoder for single features.
+fn code_of(text: &mut TextNetworks, word: &str) -> Vec<f32> {
     const TRIED: usize = 512;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let embedding = text.tower.embed(word).expect("it runs");
@@ -49,7 +49,7 @@ fn code(text: &mut TextNetworks, word: &str) -> Vec<f32> {
             }
         }
     }
-    assert!(nearest > 0.8, "no code says {word:?}: {nearest}");
+    assert!(nearest > 0.8, "no code for {word:?}: {nearest}");
     best
 }
 
@@ -76,7 +76,7 @@ struct Room {
 fn room(config: &QueryConfig) -> Room {
     let mut text = bundle();
     let words = ["couch", "banana", "lamp", "floor"];
-    let codes: Vec<Vec<f32>> = words.iter().map(|word| code(&mut text, word)).collect();
+    let codes: Vec<Vec<f32>> = words.iter().map(|word| code_of(&mut text, word)).collect();
     let mut stage = online(&CompressorConfig::default());
     stage.observe(&codes.concat());
     let mut map = HostGaussians::default();
@@ -114,7 +114,7 @@ fn query(text: &str, view: Option<View>) -> Query {
         threshold: None,
         smoothing_pixels: Some(5),
         max_objects: 10,
-        place: Place::default(),
+        filter: SpatialFilter::default(),
     }
 }
 
@@ -128,35 +128,35 @@ impl Room {
         wait(self.thread.ask(self.snapshot.clone(), query))
     }
 
-    fn render(&self, channel: Channel) -> Picture {
+    fn render(&self, channel: Channel) -> RenderedImage {
         let request = RenderRequest { view: View::Frame(7), channel, size: None };
         wait(self.thread.render(self.snapshot.clone(), request)).expect("it renders")
     }
 }
 
 #[test]
-fn words_are_found_in_a_view() {
+fn a_text_is_found_in_a_view() {
     let room = room(&QueryConfig::default());
-    // By another word than the map was made of: left; then right.
+    // A synonym of the text on the left, then the text on the right.
     for (word, center) in [("sofa", 79.5 - 35.0), ("banana", 79.5 + 35.0)] {
         let answer = room.ask(query(word, Some(View::Frame(7)))).expect("an answer");
         assert!(answer.present && answer.confidence > 0.5, "{word}: {:?}", answer.peak);
         let peak = answer.peak.expect("a view has a peak");
         assert!((peak.x - center).abs() < 22.0, "{word}: {peak:?}");
-        let best = answer.boxes.as_ref().expect("asked for")[0];
+        let best = answer.boxes.as_ref().expect("it was requested")[0];
         assert!((best.x + best.width / 2.0 - center).abs() < 6.0, "{word}: {best:?}");
         assert!((best.width - 42.0).abs() < 12.0, "{word}: {best:?}");
         // Two squares of 42 pixels in 160x120.
         assert!((answer.coverage - 0.184).abs() < 0.04, "{}", answer.coverage);
-        let heat = answer.heatmap.expect("asked for");
-        assert_eq!((heat.width, heat.height, heat.values.len()), (160, 120, 160 * 120));
-        assert!(heat.values.iter().all(|value| (0.0..=1.0).contains(value)));
-        // Nothing is where nothing is.
-        assert!(heat.values[0] < 0.01);
+        let heatmap = answer.heatmap.expect("it was requested");
+        assert_eq!((heatmap.width, heatmap.height, heatmap.values.len()), (160, 120, 160 * 120));
+        assert!(heatmap.values.iter().all(|value| (0.0..=1.0).contains(value)));
+        // The background is not relevant.
+        assert!(heatmap.values[0] < 0.01);
     }
 }
 
-/// Whether the points lie on the square at `left` and near each of its Gaussians.
+/// Whether all points lie on the square at `left`, and each of its Gaussians has one nearby.
 fn covers(points: &[ScoredPoint], left: f32) -> bool {
     let half = SIDE as f32 / 2.0 * STEP;
     let is_on = |point: &ScoredPoint| {
@@ -172,20 +172,20 @@ fn covers(points: &[ScoredPoint], left: f32) -> bool {
 }
 
 #[test]
-fn words_are_found_in_space() {
+fn a_text_is_found_in_space() {
     let room = room(&QueryConfig::default());
     for (word, x) in [("sofa", -0.5), ("banana", 0.5)] {
         let answer = room.ask(query(word, None)).expect("an answer");
         assert!(answer.present, "{word}: {:?}", answer.objects);
-        let objects = answer.objects.as_ref().expect("asked for");
+        let objects = answer.objects.as_ref().expect("it was requested");
         assert_eq!(objects.len(), 1, "{word}: {objects:?}");
         let expected = nalgebra::Point3::new(x, 0.0, 2.0);
         assert!((objects[0].center - expected).norm() < 0.05, "{word}: {:?}", objects[0]);
         assert_eq!(objects[0].points, SIDE * SIDE);
-        assert!(covers(&answer.points.expect("asked for"), x), "{word}");
+        assert!(covers(&answer.points.expect("it was requested"), x), "{word}");
         assert_eq!(answer.coverage, 1.0);
     }
-    // Negative control: what is not there is not found.
+    // Negative control: an absent thing is not found.
     let answer = room.ask(query("bicycle", None)).expect("an answer");
     let couch = room.ask(query("couch", None)).expect("an answer");
     assert!(answer.confidence < couch.confidence, "{:?}", answer.objects);
@@ -193,19 +193,19 @@ fn words_are_found_in_space() {
 }
 
 #[test]
-fn a_map_too_large_to_keep_decoded_gives_the_same_answer() {
-    let kept = room(&QueryConfig::default());
-    let chunked = room(&QueryConfig { feature_cache_mib: 0, ..QueryConfig::default() });
-    let [a, b] = [&kept, &chunked].map(|room| room.ask(query("sofa", None)).expect("an answer"));
+fn a_map_beyond_the_cache_gives_the_same_answer() {
+    let cached = room(&QueryConfig::default());
+    let uncached = room(&QueryConfig { feature_cache_mib: 0, ..QueryConfig::default() });
+    let [a, b] = [&cached, &uncached].map(|room| room.ask(query("sofa", None)).expect("an answer"));
     assert_eq!(a.points, b.points);
-    // Twice is the same: the caches change nothing.
-    assert_eq!(kept.ask(query("sofa", None)).expect("an answer").points, a.points);
-    // Negative control.
-    assert_ne!(kept.ask(query("banana", None)).expect("an answer").points, a.points);
+    // A second, cached answer is the same.
+    assert_eq!(cached.ask(query("sofa", None)).expect("an answer").points, a.points);
+    // Negative control: another text has other points.
+    assert_ne!(cached.ask(query("banana", None)).expect("an answer").points, a.points);
 }
 
 #[test]
-fn an_empty_map_answers_that_it_has_seen_nothing() {
+fn an_empty_map_has_no_coverage() {
     let room = room(&QueryConfig::default());
     let mut map = HostGaussians::default();
     (map.color.channels, map.language.channels) = (3, 15);
@@ -218,15 +218,15 @@ fn an_empty_map_answers_that_it_has_seen_nothing() {
 }
 
 #[test]
-fn what_is_wrong_with_a_question_is_named() {
+fn errors_name_the_invalid_field() {
     let room = room(&QueryConfig::default());
     let fault = |query: Query| {
-        let error = room.ask(query).expect_err("it is wrong");
+        let error = room.ask(query).expect_err("it is invalid");
         (error.field(), error.to_string())
     };
-    let (field, says) = fault(query("couch", Some(View::Frame(8))));
+    let (field, message) = fault(query("couch", Some(View::Frame(8))));
     assert_eq!(field, Some("view.frame"));
-    assert!(says.contains("found 8"), "{says}");
+    assert!(message.contains("found 8"), "{message}");
     assert_eq!(fault(query(" ", None)).0, Some("text"));
     assert_eq!(fault(query(&"a".repeat(1025), None)).0, Some("text"));
     let negatives = vec!["thing".to_owned(); 33];
@@ -236,12 +236,12 @@ fn what_is_wrong_with_a_question_is_named() {
     let huge = Intrinsics { width: 5000, ..CAMERA };
     let view = View::Camera { intrinsics: huge, world_from_camera: Isometry3::identity() };
     assert_eq!(fault(query("couch", Some(view))).0, Some("view.camera"));
-    // Negative control: the thread is still there and answers a right one.
+    // Negative control: the thread still answers a valid query.
     assert!(room.ask(query("couch", None)).is_ok());
 }
 
-fn contest(texts: &[&str], view: Option<View>) -> Contest {
-    Contest {
+fn segmentation(texts: &[&str], view: Option<View>) -> SegmentationRequest {
+    SegmentationRequest {
         texts: texts.iter().map(|&text| text.to_owned()).collect(),
         negatives: vec![],
         view,
@@ -251,77 +251,78 @@ fn contest(texts: &[&str], view: Option<View>) -> Contest {
 }
 
 #[test]
-fn several_words_share_a_view_and_the_space_among_them() {
+fn pixels_and_gaussians_are_labelled() {
     let room = room(&QueryConfig::default());
-    let ask = |contest: Contest| {
-        wait(room.thread.segment(room.snapshot.clone(), contest)).expect("an answer")
+    let ask = |request: SegmentationRequest| {
+        wait(room.thread.segment(room.snapshot.clone(), request)).expect("an answer")
     };
-    let found = ask(contest(&["banana", "sofa"], Some(View::Frame(7))));
+    let found = ask(segmentation(&["banana", "sofa"], Some(View::Frame(7))));
     let image = found.image.expect("a view has an image");
     assert_eq!((image.width, image.height, image.labels.len()), (160, 120, 160 * 120));
     let at = |column: usize| image.labels[60 * 160 + column];
     assert_eq!((at(44), at(115), at(0)), (2, 1, 0));
     // Two squares of 42 pixels in 160x120.
     assert!(found.shares.iter().all(|share| (share - 0.092).abs() < 0.03), "{:?}", found.shares);
-    let points = ask(contest(&["banana", "sofa"], None)).points.expect("space has points");
+    let points = ask(segmentation(&["banana", "sofa"], None)).points.expect("space has points");
     assert_eq!(points.len(), 2 * SIDE * SIDE);
     assert!(points.iter().all(|point| point.label == if point.position.x < 0.0 { 2 } else { 1 }));
-    // Negative control: words the other way round, labels the other way round.
-    let points = ask(contest(&["sofa", "banana"], None)).points.expect("space has points");
+    // Negative control: with the texts in the other order, labels are exchanged.
+    let points = ask(segmentation(&["sofa", "banana"], None)).points.expect("space has points");
     assert!(points.iter().all(|point| point.label == if point.position.x < 0.0 { 1 } else { 2 }));
-    // Above a threshold that nothing reaches nothing has a label.
-    let strict = Contest { threshold: Some(1.0), ..contest(&["banana", "sofa"], None) };
+    // No pixel has a label above a threshold that none reaches.
+    let strict =
+        SegmentationRequest { threshold: Some(1.0), ..segmentation(&["banana", "sofa"], None) };
     assert_eq!(ask(strict).shares, [0.0, 0.0]);
-    let fault = |contest| {
-        let asked = wait(room.thread.segment(room.snapshot.clone(), contest));
-        asked.expect_err("it is wrong").field()
+    let fault = |request| {
+        let result = wait(room.thread.segment(room.snapshot.clone(), request));
+        result.expect_err("it is invalid").field()
     };
-    assert_eq!(fault(contest(&["sofa"], None)), Some("texts"));
-    assert_eq!(fault(contest(&["sofa", " "], None)), Some("texts"));
-    assert_eq!(fault(contest(&["sofa", "cup"], Some(View::Frame(8)))), Some("view.frame"));
+    assert_eq!(fault(segmentation(&["sofa"], None)), Some("texts"));
+    assert_eq!(fault(segmentation(&["sofa", " "], None)), Some("texts"));
+    assert_eq!(fault(segmentation(&["sofa", "cup"], Some(View::Frame(8)))), Some("view.frame"));
 }
 
 #[test]
-fn places_limit_and_order_what_is_found() {
-    // Both squares are told, however much more one of them is a sofa.
+fn the_spatial_filter_limits_and_sorts_objects() {
+    // Both squares are reported, although one of them matches better.
     let room = room(&QueryConfig { object_score: 0.0, ..QueryConfig::default() });
     let point = |x: f32| nalgebra::Point3::new(x, 0.0, 2.0);
-    let ask = |place: Place| {
-        // A threshold that both squares pass.
-        let query = Query { place, threshold: Some(0.0), ..query("sofa", None) };
+    let ask = |filter: SpatialFilter| {
+        // A threshold that both squares exceed.
+        let query = Query { filter, threshold: Some(0.0), ..query("sofa", None) };
         let answer = room.ask(query).expect("an answer");
-        (answer.objects.expect("asked for"), answer.points.expect("asked for"))
+        (answer.objects.expect("it was requested"), answer.points.expect("it was requested"))
     };
-    let (all, points) = ask(Place::default());
+    let (all, points) = ask(SpatialFilter::default());
     assert!(all.len() == 2 && points.iter().any(|point| point.position.x < 0.0));
     let right: Vec<_> = points.into_iter().filter(|point| point.position.x > 0.0).collect();
     assert!(covers(&right, 0.5));
     for x in [-0.9, 0.9] {
-        let (found, _) = ask(Place { near: Some(point(x)), within: None });
+        let (found, _) = ask(SpatialFilter { near: Some(point(x)), within: None });
         assert!(found[0].center.x * x > 0.0, "the nearest is on the same side: {found:?}");
-        assert!((found[0].distance.expect("it was near") - 0.115).abs() < 0.02, "{found:?}");
+        assert!((found[0].distance.expect("there is a point") - 0.115).abs() < 0.02, "{found:?}");
     }
     let within = Some(Bounds {
         min: nalgebra::Point3::new(0.0, -1.0, 1.0),
         max: nalgebra::Point3::new(1.0, 1.0, 3.0),
     });
-    let (found, points) = ask(Place { near: None, within });
+    let (found, points) = ask(SpatialFilter { near: None, within });
     assert!(found.len() == 1 && covers(&points, 0.5));
     assert!(points.iter().all(|point| point.position.x > 0.0) && found[0].center.x > 0.0);
 }
 
 #[test]
-fn a_doubtful_thing_is_not_told_beside_a_sure_one() {
+fn a_doubtful_object_is_not_reported_beside_a_sure_one() {
     let room = room(&QueryConfig::default());
     let answer =
         room.ask(Query { threshold: Some(0.0), ..query("sofa", None) }).expect("an answer");
-    let objects = answer.objects.expect("asked for");
+    let objects = answer.objects.expect("it was requested");
     assert_eq!(objects.len(), 1);
     assert!(objects[0].center.x < 0.0, "the sofa is on the left: {objects:?}");
 }
 
 #[test]
-fn a_mesh_of_the_squares_has_their_colors_and_words() {
+fn a_mesh_has_codes_and_relevancies() {
     let room = room(&QueryConfig::default());
     let mut snapshot = (*room.snapshot).clone();
     let keyframe = super::super::snapshot::KeyframeInfo {
@@ -338,44 +339,45 @@ fn a_mesh_of_the_squares_has_their_colors_and_words() {
     assert!(found.positions.iter().all(|p| (p.z - 2.0).abs() < 0.03), "flat");
     let query = query("sofa", None);
     let codes = found.codes.clone();
-    let relevancies = wait(room.thread.compare(snapshot.clone(), codes, query)).expect("numbers");
+    let relevancies =
+        wait(room.thread.relevancies(snapshot.clone(), codes, query)).expect("numbers");
     let mean = |left: bool| {
         let side = |(p, r): (&nalgebra::Point3<f32>, &f32)| ((p.x < 0.0) == left).then_some(*r);
         let all: Vec<f32> = found.positions.iter().zip(&relevancies).filter_map(side).collect();
         all.iter().sum::<f32>() / all.len() as f32
     };
     assert!(mean(true) > mean(false) + 0.2, "sofa left {} right {}", mean(true), mean(false));
-    let error = wait(mesh(gpu, snapshot, 0.0)).expect_err("no such voxel");
+    let error = wait(mesh(gpu, snapshot, 0.0)).expect_err("the voxel is too small");
     assert_eq!(error.field(), Some("voxel"));
 }
 
 #[test]
-fn pictures_show_the_map() {
+fn images_show_the_map() {
     let room = room(&QueryConfig::default());
     let (left, right, corner) = (60 * 160 + 44, 60 * 160 + 115, 0);
-    let Picture::Rgb { data, width: 160, height: 120 } = room.render(Channel::Color) else {
+    let RenderedImage::Rgb { data, width: 160, height: 120 } = room.render(Channel::Color) else {
         panic!("color is RGB of the view's size")
     };
     let pixel = |data: &[u8], at: usize| [data[3 * at], data[3 * at + 1], data[3 * at + 2]];
     assert!(pixel(&data, left)[1] < 80 && pixel(&data, right)[1] > 150);
     assert_eq!(pixel(&data, corner), [0; 3]);
-    // The same frame, had it been exposed half as long; the map's own colors from its place.
+    // The same frame with half the exposure, and the same view without exposure.
     let mut dim = (*room.snapshot).clone();
     let frame = TrackedFrame { exposure: [0.5_f32.ln(), 0.0], ..dim.trajectory[0] };
     dim.trajectory = Arc::new(vec![frame]);
     let shown = |view: View| {
         let request = RenderRequest { view, channel: Channel::Color, size: None };
         match wait(room.thread.render(Arc::new(dim.clone()), request)).expect("it renders") {
-            Picture::Rgb { data, .. } => i32::from(pixel(&data, right)[1]),
+            RenderedImage::Rgb { data, .. } => i32::from(pixel(&data, right)[1]),
             other => panic!("{other:?}"),
         }
     };
     let bright = i32::from(pixel(&data, right)[1]);
     let of_camera = View::Camera { intrinsics: CAMERA, world_from_camera: Isometry3::identity() };
     assert!((2 * shown(View::Frame(7)) - bright).abs() <= 2 && shown(of_camera) == bright);
-    let Picture::Depth { metres, .. } = room.render(Channel::Depth) else { panic!("depth") };
+    let RenderedImage::Depth { metres, .. } = room.render(Channel::Depth) else { panic!("depth") };
     assert!((metres[left] - 2.0).abs() < 0.01 && metres[corner] == 0.0, "{}", metres[left]);
-    let Picture::Rgb { data, .. } = room.render(Channel::Language) else { panic!("RGB") };
+    let RenderedImage::Rgb { data, .. } = room.render(Channel::Language) else { panic!("RGB") };
     let apart: i32 = pixel(&data, left)
         .iter()
         .zip(pixel(&data, right))
@@ -385,6 +387,8 @@ fn pictures_show_the_map() {
     let request =
         RenderRequest { view: View::Frame(7), channel: Channel::Opacity, size: Some((80, 60)) };
     let small = wait(room.thread.render(room.snapshot.clone(), request)).expect("it renders");
-    let Picture::Rgb { data, width: 80, height: 60 } = small else { panic!("of the asked size") };
+    let RenderedImage::Rgb { data, width: 80, height: 60 } = small else {
+        panic!("of the requested size")
+    };
     assert!(pixel(&data, 30 * 80 + 22)[0] > 200 && data.len() == 80 * 60 * 3);
 }

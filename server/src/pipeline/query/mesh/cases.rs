@@ -1,26 +1,26 @@
-//! The cases of marching cubes (Lorensen and Cline 1987), made instead of typed.
+//! The table of marching cubes (Lorensen and Cline 1987), computed instead of listed.
 //!
-//! A cube's corner `c` lies at `(c & 1, c >> 1 & 1, c >> 2)`; a case is the set of corners inside the
-//! surface, bit `c` each. On every face, each run of inside corners is cut off by a segment of its
-//! own; a face looks the same from both of its cubes, so neighbours always meet, ambiguous faces
-//! included, and surfaces of closed volumes are closed. Segments join to loops, loops to fans.
+//! Corner `c` of a cube lies at `(c & 1, c >> 1 & 1, c >> 2)`. A case is the set of corners inside the
+//! surface, one bit for each. On each face, a segment separates each run of adjacent inside corners.
+//! Both cubes of a face have the same segments, also on ambiguous faces, so that the surface of a
+//! closed volume is closed. Segments are joined to loops, and loops are triangulated as fans.
 
-/// Edges of a cube: 4 along each axis, by their lower corner.
+/// The edges of a cube as pairs of corners: 4 along each axis.
 pub(super) const EDGES: [(usize, usize); 12] = edges();
 /// Corners of the faces, counter-clockwise as seen from outside.
 const FACES: [[usize; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// Triangles of every case, as edges; counter-clockwise as seen from outside the surface.
+/// The triangles of each case, as edge indices; counter-clockwise as seen from outside the surface.
 pub(super) struct Cases(Vec<Vec<[usize; 3]>>);
 
 impl Cases {
-    /// All 256.
+    /// Computes all 256 cases.
     pub(super) fn new() -> Self {
         Self((0..256).map(triangles).collect())
     }
 
-    /// The triangles of the case.
+    /// The triangles of a case.
     pub(super) fn of(&self, inside: u8) -> &[[usize; 3]] {
         &self.0[usize::from(inside)]
     }
@@ -50,7 +50,7 @@ fn edge_between(a: usize, b: usize) -> usize {
 
 fn triangles(inside: usize) -> Vec<[usize; 3]> {
     let is_in = |corner: usize| inside >> corner & 1 == 1;
-    // From each cut edge to the next along its loop.
+    // For each cut edge the next one along its loop.
     let mut next = [None; 12];
     for face in FACES {
         for start in 0..4 {
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
     use std::collections::HashMap;
 
-    /// The directed edges of a case's triangles that no other triangle runs against.
+    /// The directed edges of a case's triangles without an opposite edge of another triangle.
     fn border(triangles: &[[usize; 3]]) -> Vec<(usize, usize)> {
         let mut directed = HashMap::new();
         for triangle in triangles {
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn every_case_cuts_exactly_the_edges_that_change_sign_and_ends_on_faces() {
+    fn triangles_use_exactly_the_edges_that_change_sign_and_end_on_faces() {
         let cases = Cases::new();
         for inside in 0..=255_u8 {
             let triangles = cases.of(inside);
@@ -114,18 +114,18 @@ mod tests {
             let cut: Vec<usize> =
                 (0..12).filter(|&at| is_in(EDGES[at].0) != is_in(EDGES[at].1)).collect();
             assert_eq!(used, cut, "case {inside}");
-            // Inside the cube triangles meet; the surface ends on the cube's faces only.
+            // Triangles are connected; the surface ends only on the faces of the cube.
             assert!(border(triangles).iter().all(|&(a, b)| on_a_face(a, b)), "case {inside}");
         }
         assert!(cases.of(0).is_empty() && cases.of(255).is_empty());
-        assert_eq!(cases.of(1).len(), 1, "a corner is one triangle");
-        assert_eq!(cases.of(0b0000_1111).len(), 2, "a half is a square");
-        // Two corners across a face: apart, not bridged.
+        assert_eq!(cases.of(1).len(), 1, "one corner has one triangle");
+        assert_eq!(cases.of(0b0000_1111).len(), 2, "half a cube has a square");
+        // Two opposite corners of a face have separate triangles.
         assert_eq!(cases.of(0b0000_1001).len(), 2);
     }
 
     #[test]
-    fn a_corners_triangle_faces_away_from_it() {
+    fn the_triangle_of_a_corner_faces_away_from_it() {
         // Corner 0 inside: the middles of its three edges are at 0.5 along each axis.
         let middle = |edge: usize| {
             let (low, high) = EDGES[edge];

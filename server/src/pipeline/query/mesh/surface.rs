@@ -1,30 +1,31 @@
-//! The surface of a field by marching cubes: a vertex per cut edge, shared by its triangles.
+//! The surface of a TSDF by marching cubes: a vertex for each cut edge, shared by its triangles.
 //!
-//! In: a [`Volume`]. Out: vertices in metres with colors and normals (towards free space), triangles
-//! counter-clockwise from outside. A cube with an unknown corner has no surface: what was not seen
-//! stays open. Pieces of few triangles are floaters and left out.
+//! In: a [`Tsdf`]. Out: vertices in metres with colors and normals (towards free space), triangles
+//! counter-clockwise as seen from outside. A cube with an unknown corner has no surface, so that
+//! unobserved space stays open. Connected components of few triangles are dropped as noise.
 
-use super::Mesh;
 use super::cases::{Cases, EDGES};
-use super::volume::{SIDE, Volume, Voxel, place};
+use super::triangles::Mesh;
+use super::tsdf::{SIDE, Tsdf, Voxel, voxel_position};
+use crate::pipeline::query::disjoint_sets::DisjointSets;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Pieces of fewer triangles are dropped.
-const LEAST_TRIANGLES: usize = 50;
+/// Components of fewer triangles are dropped.
+const MIN_TRIANGLES: usize = 50;
 
 /// A cut edge: its lower corner in voxels, and its axis.
 type Edge = ([i32; 3], usize);
 
 /// The surface, without codes.
-pub(super) fn extract(volume: &Volume) -> Mesh {
+pub(super) fn extract(tsdf: &Tsdf) -> Mesh {
     let cases = Cases::new();
-    let pieces: Vec<Vec<[Edge; 3]>> =
-        volume.blocks().map(|block| triangles(volume, &cases, block)).collect();
+    let blocks: Vec<Vec<[Edge; 3]>> =
+        tsdf.blocks().map(|block| triangles(tsdf, &cases, block)).collect();
     let mut index: HashMap<Edge, u32> = HashMap::new();
     let (mut edges, mut faces) = (Vec::new(), Vec::new());
-    for triangle in pieces.into_iter().flatten() {
+    for triangle in blocks.into_iter().flatten() {
         faces.push(triangle.map(|edge| {
             *index.entry(edge).or_insert_with(|| {
                 edges.push(edge);
@@ -32,18 +33,18 @@ pub(super) fn extract(volume: &Volume) -> Mesh {
             })
         }));
     }
-    let kept = without_floaters(&faces, edges.len());
+    let kept = without_small_components(&faces, edges.len());
     let (edges, faces) = compacted(&edges, &kept);
     let (positions, colors): (Vec<_>, Vec<_>) =
-        edges.par_iter().map(|edge| vertex(volume, edge)).unzip();
+        edges.par_iter().map(|edge| vertex(tsdf, edge)).unzip();
     let normals = normals(&positions, &faces);
     Mesh { positions, normals, colors, faces, ..Mesh::default() }
 }
 
 /// The triangles of a block's cubes.
-fn triangles(volume: &Volume, cases: &Cases, block: [i32; 3]) -> Vec<[Edge; 3]> {
+fn triangles(tsdf: &Tsdf, cases: &Cases, block: [i32; 3]) -> Vec<[Edge; 3]> {
     let corner = block.map(|i| i * SIDE as i32);
-    let distances = with_border(volume, corner);
+    let distances = with_border(tsdf, corner);
     let mut found = Vec::new();
     for cube in 0..SIDE * SIDE * SIDE {
         let at = [cube % SIDE, cube / SIDE % SIDE, cube / SIDE / SIDE];
@@ -72,23 +73,24 @@ fn index([x, y, z]: [usize; 3]) -> usize {
     (z * BORDERED + y) * BORDERED + x
 }
 
-/// Distances of a block and of the next voxels along each axis; NaN: unknown.
-fn with_border(volume: &Volume, corner: [i32; 3]) -> Vec<f32> {
+/// Distances of a block and of the adjacent voxels along each axis; NaN: unknown.
+fn with_border(tsdf: &Tsdf, corner: [i32; 3]) -> Vec<f32> {
     (0..BORDERED * BORDERED * BORDERED)
         .map(|i| [i % BORDERED, i / BORDERED % BORDERED, i / BORDERED / BORDERED])
-        .map(|at| volume.voxel(std::array::from_fn(|axis| corner[axis] + at[axis] as i32)))
+        .map(|at| tsdf.voxel(std::array::from_fn(|axis| corner[axis] + at[axis] as i32)))
         .map(|voxel| voxel.map_or(f32::NAN, |voxel| voxel.distance))
         .collect()
 }
 
-/// Position and color where the field is zero along an edge.
-fn vertex(volume: &Volume, (low, axis): &Edge) -> (Point3<f32>, [f32; 3]) {
+/// Position and color of the zero of the distance along an edge.
+fn vertex(tsdf: &Tsdf, (low, axis): &Edge) -> (Point3<f32>, [f32; 3]) {
     let mut high = *low;
     high[*axis] += 1;
-    let [a, b] = [*low, high].map(|at| volume.voxel(at).expect("cut edges have known ends"));
+    let [a, b] = [*low, high].map(|at| tsdf.voxel(at).expect("cut edges have known ends"));
     let share = (a.distance / (a.distance - b.distance)).clamp(0.0, 1.0);
-    let metres = volume.voxel_metres();
-    let position = place(*low, metres).coords.lerp(&place(high, metres).coords, share);
+    let metres = tsdf.voxel_metres();
+    let position =
+        voxel_position(*low, metres).coords.lerp(&voxel_position(high, metres).coords, share);
     (Point3::from(position), mixed(a, b, share))
 }
 
@@ -113,34 +115,23 @@ fn normals(positions: &[Point3<f32>], faces: &[[u32; 3]]) -> Vec<Vector3<f32>> {
     sums.into_iter().map(|sum| sum.try_normalize(0.0).unwrap_or_else(Vector3::z)).collect()
 }
 
-/// The triangles of pieces that are large enough.
-fn without_floaters(faces: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
-    let mut parent: Vec<u32> = (0..vertices as u32).collect();
+/// The triangles of connected components that are large enough.
+fn without_small_components(faces: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
+    let mut components = DisjointSets::new(vertices);
     for [a, b, c] in faces {
-        for other in [b, c] {
-            let (a, b) = (root(&mut parent, *a), root(&mut parent, *other));
-            parent[a as usize] = b;
-        }
+        components.join(*a as usize, *b as usize);
+        components.join(*a as usize, *c as usize);
     }
     let mut sizes = vec![0_usize; vertices];
     for face in faces {
-        sizes[root(&mut parent, face[0]) as usize] += 1;
+        sizes[components.representative(face[0] as usize)] += 1;
     }
-    let large = |face: &&[u32; 3]| sizes[root(&mut parent, face[0]) as usize] >= LEAST_TRIANGLES;
-    faces.iter().filter(large).copied().collect()
+    let is_large =
+        |face: &&[u32; 3]| sizes[components.representative(face[0] as usize)] >= MIN_TRIANGLES;
+    faces.iter().filter(is_large).copied().collect()
 }
 
-/// The vertex that stands for a piece; paths are halved on the way.
-fn root(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        let above = parent[at as usize];
-        parent[at as usize] = parent[above as usize];
-        at = parent[at as usize];
-    }
-    at
-}
-
-/// Only the vertices that triangles use, in order.
+/// The vertices that triangles use, in order, and the renumbered triangles.
 fn compacted(edges: &[Edge], faces: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     let mut renamed = vec![None; edges.len()];
     let mut used = Vec::new();

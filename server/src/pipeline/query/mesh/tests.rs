@@ -1,8 +1,12 @@
-//! Meshes of surfaces whose places are known: a ball seen from all around, a wall with a hole.
+//! Meshes of known surfaces: a ball seen from all around, a wall with a hole.
 
-use super::volume::{Full, Volume};
-use super::*;
-use nalgebra::{Isometry3, Translation3};
+use super::depth_view::{DepthView, without_edges};
+use super::surface;
+use super::triangles::Mesh;
+use super::tsdf::{Full, Tsdf};
+use super::vertex_codes::VertexCodes;
+use lexsplat_gpu::Camera;
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use std::collections::HashMap;
 
 const VOXEL: f32 = 0.05;
@@ -12,15 +16,15 @@ fn camera(camera_from_world: Isometry3<f32>) -> Camera {
     Camera { width: 96, height: 96, fx: 90.0, fy: 90.0, cx: 47.5, cy: 47.5, camera_from_world }
 }
 
-/// What a camera sees of something that answers with a depth for each ray (x/z, y/z).
-fn seen(camera: Camera, depth: impl Fn(&Camera, f32, f32) -> f32) -> View {
+/// The view of a surface that is given by the depth along each ray (x/z, y/z).
+fn seen(camera: Camera, depth: impl Fn(&Camera, f32, f32) -> f32) -> DepthView {
     let pixels = 0..camera.pixels();
     let depth = pixels
         .map(|at| ((at % 96) as f32 - camera.cx, (at / 96) as f32 - camera.cy))
         .map(|(u, v)| depth(&camera, u / camera.fx, v / camera.fy))
         .collect::<Vec<f32>>();
     let rgb = depth.iter().flat_map(|_| [0.8, 0.4, 0.2]).collect();
-    View { camera, depth, rgb }
+    DepthView { camera, depth, rgb }
 }
 
 /// A ball around the origin.
@@ -56,15 +60,15 @@ fn around() -> Vec<Camera> {
     directions.into_iter().map(look).collect()
 }
 
-fn fused(views: &[View]) -> Mesh {
-    let mut volume = Volume::new(VOXEL, 64 << 20);
+fn fused(views: &[DepthView]) -> Mesh {
+    let mut tsdf = Tsdf::new(VOXEL, 64 << 20);
     for view in views {
-        volume.integrate(view).expect("it fits");
+        tsdf.integrate(view).expect("it fits");
     }
-    surface::extract(&volume)
+    surface::extract(&tsdf)
 }
 
-/// Edges that belong to one triangle only, of all edges.
+/// Numbers of the edges of only one triangle, and of all edges.
 fn open_edges(mesh: &Mesh) -> (usize, usize) {
     let mut count: HashMap<(u32, u32), usize> = HashMap::new();
     for &[a, b, c] in &mesh.faces {
@@ -87,7 +91,7 @@ fn area(mesh: &Mesh) -> f32 {
 
 #[test]
 fn a_ball_is_closed_round_and_faces_outward() {
-    let views: Vec<View> = around().into_iter().map(|camera| seen(camera, ball)).collect();
+    let views: Vec<DepthView> = around().into_iter().map(|camera| seen(camera, ball)).collect();
     let mesh = fused(&views);
     assert_eq!(open_edges(&mesh).0, 0, "closed");
     // Euler: V - E + F = 2 for one closed ball.
@@ -132,7 +136,7 @@ fn a_wall_is_flat_and_its_hole_stays_open() {
 }
 
 #[test]
-fn what_later_views_see_through_is_gone() {
+fn surfaces_that_later_views_see_through_disappear() {
     let near =
         seen(camera(Isometry3::identity()), |_, x, y| if x.hypot(y) < 0.3 { 1.0 } else { 0.0 });
     let far = || seen(camera(Isometry3::identity()), |_, _, _| 2.0);
@@ -142,20 +146,20 @@ fn what_later_views_see_through_is_gone() {
 }
 
 #[test]
-fn memory_is_bounded_and_nothing_is_nothing() {
+fn memory_is_limited_and_no_depth_gives_no_mesh() {
     let wall = seen(camera(Isometry3::identity()), |_, _, _| 1.5);
-    let mut small = Volume::new(VOXEL, 100_000);
+    let mut small = Tsdf::new(VOXEL, 100_000);
     assert_eq!(small.integrate(&wall), Err(Full));
-    let nothing = seen(camera(Isometry3::identity()), |_, _, _| 0.0);
-    assert_eq!(fused(&[nothing]), Mesh::default());
-    // A speck is a floater.
+    let no_depth = seen(camera(Isometry3::identity()), |_, _, _| 0.0);
+    assert_eq!(fused(&[no_depth]), Mesh::default());
+    // A small component is noise.
     let speck =
         seen(camera(Isometry3::identity()), |_, x, y| if x.hypot(y) < 0.02 { 1.0 } else { 0.0 });
     assert_eq!(fused(&[speck]), Mesh::default());
 }
 
 #[test]
-fn depths_between_two_surfaces_are_not_trusted() {
+fn depths_at_edges_are_dropped() {
     let depth = [1.0, 1.02, 1.5, 2.0, 2.0, 0.0];
     assert_eq!(without_edges(&depth, 6, 0.1), [1.0, 0.0, 0.0, 0.0, 2.0, 0.0]);
     assert_eq!(without_edges(&depth, 6, 2.0), depth);
@@ -163,10 +167,10 @@ fn depths_between_two_surfaces_are_not_trusted() {
 }
 
 #[test]
-fn vertices_take_the_codes_of_the_views_that_see_them() {
+fn vertices_have_the_mean_code_of_the_views_that_see_them() {
     let wall = seen(camera(Isometry3::identity()), |_, _, _| 1.5);
-    let mut mesh = Mesh {
-        // In the middle, behind the wall, beside the picture.
+    let mesh = Mesh {
+        // In the middle, behind the wall, outside the image.
         positions: vec![
             Point3::new(0.0, 0.0, 1.5),
             Point3::new(0.0, 0.0, 2.0),
@@ -181,10 +185,10 @@ fn vertices_take_the_codes_of_the_views_that_see_them() {
         codes: [value, -value].repeat(96 * 96),
         opacity: vec![0.8; 96 * 96],
     };
-    let mut painter = paint::Painter::new(&mesh, 2);
-    painter.add(&wall, &image(0.8), VOXEL);
-    painter.add(&wall, &image(0.4), VOXEL);
-    (mesh.codes, mesh.code_size) = painter.finish();
-    assert!((mesh.codes[0] - 0.75).abs() < 1e-5 && (mesh.codes[1] + 0.75).abs() < 1e-5);
-    assert_eq!(mesh.codes[2..], [0.0; 4]);
+    let mut codes = VertexCodes::new(&mesh.positions, 2);
+    codes.add(&wall, &image(0.8), VOXEL);
+    codes.add(&wall, &image(0.4), VOXEL);
+    let codes = codes.means();
+    assert!((codes[0] - 0.75).abs() < 1e-5 && (codes[1] + 0.75).abs() < 1e-5);
+    assert_eq!(codes[2..], [0.0; 4]);
 }

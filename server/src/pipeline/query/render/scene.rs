@@ -1,4 +1,4 @@
-//! The snapshot that was asked about last, on the device.
+//! The Gaussians of the most recent snapshot on the device.
 
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{
@@ -6,26 +6,26 @@ use lexsplat_gpu::{
 };
 use std::sync::Arc;
 
-/// A renderer and the Gaussians of one snapshot.
-pub(super) struct Scene {
+/// A renderer with the Gaussians of one snapshot.
+pub(in crate::pipeline::query) struct Scene {
     gpu: Gpu,
     loaded: Option<Loaded>,
 }
 
 struct Loaded {
-    /// Held so that no other snapshot's Gaussians can have the same address.
+    /// Kept alive, so that no other snapshot's Gaussians can have the same address.
     host: Arc<HostGaussians>,
     device: Gaussians,
     renderer: Renderer,
 }
 
 impl Scene {
-    pub(super) fn new(gpu: Gpu) -> Self {
+    pub(in crate::pipeline::query) fn new(gpu: Gpu) -> Self {
         Self { gpu, loaded: None }
     }
 
     /// Color, depth and opacity of a view.
-    pub(super) fn color(
+    pub(in crate::pipeline::query) fn color(
         &mut self,
         snapshot: &MapSnapshot,
         camera: &Camera,
@@ -35,7 +35,7 @@ impl Scene {
     }
 
     /// Codes and opacity of a view.
-    pub(super) fn language(
+    pub(in crate::pipeline::query) fn language(
         &mut self,
         snapshot: &MapSnapshot,
         camera: &Camera,

@@ -1,22 +1,22 @@
-//! From a relevancy image to what a robot can use: mask, boxes, peak.
+//! Mask, peak and boxes of the connected components of a relevancy map.
 
-use super::answer::{Mask, Peak, ScoredBox};
-use super::relevancy::Plane;
+use crate::pipeline::query::answer::{Mask, Peak, ScoredBox};
+use crate::pipeline::query::relevancy::RelevancyMap;
 
-/// Regions smaller than this share of the image are noise.
-const LEAST_SHARE: f32 = 1e-4;
-/// Regions of fewer pixels than this are noise in any image.
-const LEAST_PIXELS: usize = 4;
+/// Components smaller than this share of the image are noise.
+const MIN_SHARE: f32 = 1e-4;
+/// Components of fewer pixels than this are noise in any image.
+const MIN_PIXELS: usize = 4;
 /// The most boxes in one answer.
 const MAX_BOXES: usize = 256;
 
-/// Pixels of the smallest region that is no noise.
-pub(super) fn least_pixels(relevancy: &Plane) -> usize {
-    ((relevancy.values.len() as f32 * LEAST_SHARE) as usize).max(LEAST_PIXELS)
+/// Pixels of the smallest component that is not noise.
+pub(super) fn min_pixels(relevancy: &RelevancyMap) -> usize {
+    ((relevancy.values.len() as f32 * MIN_SHARE) as usize).max(MIN_PIXELS)
 }
 
-/// Pixels above the threshold as COCO run lengths: column-major, zeros first.
-pub(super) fn mask(relevancy: &Plane, threshold: f32) -> Mask {
+/// Pixels above the threshold as COCO run lengths: column-major, starting with zeros.
+pub(super) fn mask(relevancy: &RelevancyMap, threshold: f32) -> Mask {
     let (width, height) = (relevancy.width, relevancy.height);
     let mut counts = Vec::new();
     let mut inside = false;
@@ -35,8 +35,8 @@ pub(super) fn mask(relevancy: &Plane, threshold: f32) -> Mask {
     Mask { height: height as u32, width: width as u32, counts }
 }
 
-/// The most relevant pixel; the first in reading order among equals.
-pub(super) fn peak(relevancy: &Plane) -> Option<Peak> {
+/// The most relevant pixel, the first one in row-major order among equals.
+pub(super) fn peak(relevancy: &RelevancyMap) -> Option<Peak> {
     let better = |best: (usize, f32), (at, &value): (usize, &f32)| {
         if value > best.1 { (at, value) } else { best }
     };
@@ -45,34 +45,34 @@ pub(super) fn peak(relevancy: &Plane) -> Option<Peak> {
     Some(Peak { x: (at % relevancy.width) as f32, y: (at / relevancy.width) as f32, score })
 }
 
-/// One box for each region of pixels above the threshold that touch by side or corner, best first.
-pub(super) fn boxes(relevancy: &Plane, threshold: f32) -> Vec<ScoredBox> {
+/// Boxes of the 8-connected components of pixels above the threshold, best first, without noise.
+pub(super) fn boxes(relevancy: &RelevancyMap, threshold: f32) -> Vec<ScoredBox> {
     let pixels = relevancy.values.len();
-    let least = least_pixels(relevancy);
-    let mut waiting: Vec<bool> = relevancy.values.iter().map(|&v| v > threshold).collect();
-    let mut regions = Vec::new();
+    let least = min_pixels(relevancy);
+    let mut unvisited: Vec<bool> = relevancy.values.iter().map(|&v| v > threshold).collect();
+    let mut components = Vec::new();
     for start in 0..pixels {
-        if waiting[start] {
-            let region = flood(relevancy, &mut waiting, start);
-            if region.pixels >= least {
-                regions.push(region);
+        if unvisited[start] {
+            let component = flood_fill(relevancy, &mut unvisited, start);
+            if component.pixels >= least {
+                components.push(component);
             }
         }
     }
-    // The sort is stable: equals stay in reading order.
-    regions.sort_by(|a, b| b.score.total_cmp(&a.score).then(b.pixels.cmp(&a.pixels)));
-    regions.truncate(MAX_BOXES);
-    regions.iter().map(Region::scored_box).collect()
+    // The sort is stable: equals stay in row-major order.
+    components.sort_by(|a, b| b.score.total_cmp(&a.score).then(b.pixels.cmp(&a.pixels)));
+    components.truncate(MAX_BOXES);
+    components.iter().map(Component::scored_box).collect()
 }
 
-struct Region {
+struct Component {
     pixels: usize,
     score: f32,
     columns: [usize; 2],
     rows: [usize; 2],
 }
 
-impl Region {
+impl Component {
     fn scored_box(&self) -> ScoredBox {
         ScoredBox {
             x: self.columns[0] as f32,
@@ -84,42 +84,42 @@ impl Region {
     }
 }
 
-/// The region around `start`; its pixels do not wait any more.
-fn flood(relevancy: &Plane, waiting: &mut [bool], start: usize) -> Region {
+/// The component of `start`; marks its pixels as visited.
+fn flood_fill(relevancy: &RelevancyMap, unvisited: &mut [bool], start: usize) -> Component {
     let (width, height) = (relevancy.width, relevancy.height);
-    let mut region = Region {
+    let mut component = Component {
         pixels: 0,
         score: f32::NEG_INFINITY,
         columns: [usize::MAX, 0],
         rows: [usize::MAX, 0],
     };
     let mut stack = vec![start];
-    waiting[start] = false;
+    unvisited[start] = false;
     while let Some(at) = stack.pop() {
         let (row, column) = (at / width, at % width);
-        region.pixels += 1;
-        region.score = region.score.max(relevancy.values[at]);
-        region.columns = [region.columns[0].min(column), region.columns[1].max(column)];
-        region.rows = [region.rows[0].min(row), region.rows[1].max(row)];
+        component.pixels += 1;
+        component.score = component.score.max(relevancy.values[at]);
+        component.columns = [component.columns[0].min(column), component.columns[1].max(column)];
+        component.rows = [component.rows[0].min(row), component.rows[1].max(row)];
         for row in row.saturating_sub(1)..(row + 2).min(height) {
             for column in column.saturating_sub(1)..(column + 2).min(width) {
                 let neighbour = row * width + column;
-                if std::mem::take(&mut waiting[neighbour]) {
+                if std::mem::take(&mut unvisited[neighbour]) {
                     stack.push(neighbour);
                 }
             }
         }
     }
-    region
+    component
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn plane(rows: &[&str]) -> Plane {
+    fn map(rows: &[&str]) -> RelevancyMap {
         let values = rows.concat().bytes().map(|b| f32::from(b - b'0') / 10.0).collect();
-        Plane { width: rows[0].len(), height: rows.len(), values }
+        RelevancyMap { width: rows[0].len(), height: rows.len(), values }
     }
 
     fn unpacked(mask: &Mask) -> Vec<bool> {
@@ -138,23 +138,23 @@ mod tests {
 
     #[test]
     fn a_mask_unpacks_to_the_pixels_above_the_threshold() {
-        let image = plane(&["0990", "0900", "0097"]);
+        let image = map(&["0990", "0900", "0097"]);
         let packed = mask(&image, 0.5);
         let expected: Vec<bool> = image.values.iter().map(|&v| v > 0.5).collect();
         assert_eq!(unpacked(&packed), expected);
         // Column-major, zeros first: by hand.
         assert_eq!(packed.counts, [3, 2, 1, 1, 1, 1, 2, 1]);
-        // Negative control: another threshold is another mask.
+        // Negative control: another threshold gives another mask.
         assert_ne!(mask(&image, 0.8), packed);
-        // Starting with a one: no zeros first. Nothing and everything.
-        assert_eq!(mask(&plane(&["90"]), 0.5).counts, [0, 1, 1]);
-        assert_eq!(mask(&plane(&["00"]), 0.5).counts, [2]);
-        assert_eq!(mask(&plane(&["99"]), 0.5).counts, [0, 2]);
+        // An image that starts with a one; an empty mask; a full mask.
+        assert_eq!(mask(&map(&["90"]), 0.5).counts, [0, 1, 1]);
+        assert_eq!(mask(&map(&["00"]), 0.5).counts, [2]);
+        assert_eq!(mask(&map(&["99"]), 0.5).counts, [0, 2]);
     }
 
     #[test]
-    fn regions_touch_by_corners_and_small_ones_are_noise() {
-        let image = plane(&[
+    fn components_are_connected_by_corners_and_small_ones_are_noise() {
+        let image = map(&[
             "770000000", //
             "077000006",
             "000000000",
@@ -165,16 +165,16 @@ mod tests {
         let first = ScoredBox { x: 3.0, y: 3.0, width: 3.0, height: 2.0, score: 0.9 };
         let second = ScoredBox { x: 0.0, y: 0.0, width: 3.0, height: 2.0, score: 0.7 };
         assert_eq!(found, [first, second]);
-        // The lone 6 counts in the mask and not among the boxes.
+        // The single 6 is in the mask and has no box.
         assert!(unpacked(&mask(&image, 0.5))[17]);
-        // Negative control: apart by a column they are two, and too small.
-        assert_eq!(boxes(&plane(&["770770"]), 0.5), []);
+        // Negative control: a column between them makes two components, both too small.
+        assert_eq!(boxes(&map(&["770770"]), 0.5), []);
     }
 
     #[test]
-    fn the_peak_is_the_first_of_the_greatest() {
-        let found = peak(&plane(&["012", "922", "009"])).unwrap();
+    fn the_peak_is_the_first_of_the_largest() {
+        let found = peak(&map(&["012", "922", "009"])).unwrap();
         assert_eq!(found, Peak { x: 0.0, y: 1.0, score: 0.9 });
-        assert_eq!(peak(&Plane { width: 0, height: 0, values: vec![] }), None);
+        assert_eq!(peak(&RelevancyMap { width: 0, height: 0, values: vec![] }), None);
     }
 }

@@ -1,11 +1,11 @@
-//! A truncated signed distance field of what keyframes show (Curless and Levoy 1996; KinectFusion).
+//! Truncated signed distance field (Curless and Levoy 1996; KinectFusion).
 //!
-//! In: depths in metres and colors of a view. Held: blocks of 8x8x8 voxels near surfaces only, within a
-//! bound of memory. A voxel's distance is that from its centre to the measured surface along the
-//! camera's z, divided by the truncation, averaged with weight one per view, positive in front;
-//! what is farther behind than the truncation says nothing.
+//! In: depths in metres and colors of views. Only blocks of 8x8x8 voxels near surfaces are stored,
+//! within a limit of memory. The distance of a voxel is measured from its centre to the surface along
+//! the camera's z axis, divided by the truncation, and averaged over views with equal weights. It is
+//! positive in front of the surface. Voxels farther behind it than the truncation are not updated.
 
-use super::View;
+use super::depth_view::DepthView;
 use nalgebra::Point3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -14,22 +14,22 @@ use std::collections::HashMap;
 pub(super) const SIDE: usize = 8;
 /// Voxels in a block.
 const BLOCK: usize = SIDE * SIDE * SIDE;
-/// Truncation in voxels. The paper's code has five; rendered depth is smooth, and four keeps thin
-/// things apart better.
+/// Truncation in voxels. The paper's code has five; rendered depth is smooth, and four separates thin
+/// objects better.
 const TRUNCATION_VOXELS: f32 = 4.0;
-/// Voxels between the places along a ray where blocks are made.
+/// Distance of the points along a ray at which blocks are allocated, voxels.
 const RAY_STEP_VOXELS: f32 = 2.0;
 
-/// A place of the field.
+/// A voxel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Voxel {
-    /// In truncations, at most 1; positive is free.
+    /// Divided by the truncation, at most 1; positive in front of the surface.
     pub distance: f32,
-    /// Views that saw it; 0: unknown.
+    /// Number of views; 0: unknown.
     pub weight: f32,
-    /// Mean color of the views that saw it near a surface.
+    /// Mean color over the views in which it is near the surface.
     pub rgb: [f32; 3],
-    /// How many those were.
+    /// Number of these views.
     pub colored: f32,
 }
 
@@ -38,8 +38,8 @@ struct Block {
     voxels: Vec<Voxel>,
 }
 
-/// The field.
-pub(super) struct Volume {
+/// Blocks of voxels near surfaces.
+pub(super) struct Tsdf {
     /// Side of a voxel, metres.
     voxel: f32,
     limit_blocks: usize,
@@ -47,12 +47,12 @@ pub(super) struct Volume {
     index: HashMap<[i32; 3], usize>,
 }
 
-/// More blocks than there may be.
+/// The memory limit is reached.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Full;
 
-impl Volume {
-    /// An empty field that may grow to `limit_bytes`.
+impl Tsdf {
+    /// An empty field of at most `limit_bytes`.
     pub(super) fn new(voxel: f32, limit_bytes: usize) -> Self {
         let limit_blocks = limit_bytes / (BLOCK * size_of::<Voxel>());
         Self { voxel, limit_blocks, blocks: Vec::new(), index: HashMap::new() }
@@ -63,17 +63,17 @@ impl Volume {
         self.voxel
     }
 
-    /// Metres to either side of a surface that hold distances.
+    /// Truncation: distances are stored up to so far from a surface, metres.
     pub(super) fn truncation_metres(&self) -> f32 {
         self.voxel * TRUNCATION_VOXELS
     }
 
-    /// Where the blocks are, in blocks.
+    /// Positions of the blocks, in units of blocks.
     pub(super) fn blocks(&self) -> impl IndexedParallelIterator<Item = [i32; 3]> + '_ {
         self.blocks.par_iter().map(|block| block.at)
     }
 
-    /// The voxel at a place in voxels; `None` if nothing is known there.
+    /// The voxel at a position in units of voxels; `None` if it is unknown.
     pub(super) fn voxel(&self, at: [i32; 3]) -> Option<&Voxel> {
         let side = SIDE as i32;
         let block = &self.blocks[*self.index.get(&at.map(|i| i.div_euclid(side)))?];
@@ -81,16 +81,16 @@ impl Volume {
         Some(&block.voxels[(z * SIDE + y) * SIDE + x]).filter(|voxel| voxel.weight > 0.0)
     }
 
-    /// Adds what a view shows.
-    pub(super) fn integrate(&mut self, view: &View) -> Result<(), Full> {
-        self.make_blocks(view)?;
+    /// Adds a view.
+    pub(super) fn integrate(&mut self, view: &DepthView) -> Result<(), Full> {
+        self.allocate_blocks(view)?;
         let (voxel, truncation) = (self.voxel, self.truncation_metres());
         self.blocks.par_iter_mut().for_each(|block| integrate(block, view, voxel, truncation));
         Ok(())
     }
 
-    /// Blocks along each pixel's ray, from before to behind the surface.
-    fn make_blocks(&mut self, view: &View) -> Result<(), Full> {
+    /// Allocates blocks along the ray of each pixel, from in front of the surface to behind it.
+    fn allocate_blocks(&mut self, view: &DepthView) -> Result<(), Full> {
         let truncation = self.truncation_metres();
         let metres = self.voxel * SIDE as f32;
         let steps = (2.0 * TRUNCATION_VOXELS / RAY_STEP_VOXELS) as usize;
@@ -120,36 +120,38 @@ impl Volume {
     }
 }
 
-/// Where a voxel is, metres.
-pub(super) fn place(at: [i32; 3], voxel: f32) -> Point3<f32> {
+/// Position of a voxel, metres.
+pub(super) fn voxel_position(at: [i32; 3], voxel: f32) -> Point3<f32> {
     Point3::from(at.map(|i| i as f32 * voxel))
 }
 
-fn integrate(block: &mut Block, view: &View, voxel: f32, truncation: f32) {
+fn integrate(block: &mut Block, view: &DepthView, voxel: f32, truncation: f32) {
     let camera = &view.camera;
     let corner = block.at.map(|i| i * SIDE as i32);
-    let middle = place(corner.map(|i| i + SIDE as i32 / 2), voxel);
-    // A sphere around the block, seen as an angle: is it in the picture at all?
+    let middle = voxel_position(corner.map(|i| i + SIDE as i32 / 2), voxel);
+    // Skip the block if the projection of its bounding sphere is outside the image.
     let radius = voxel * SIDE as f32 * 0.87;
-    let seen = camera.camera_from_world * middle;
-    if seen.z < -radius {
+    let center = camera.camera_from_world * middle;
+    if center.z < -radius {
         return;
     }
-    let reach = |focal: f32| focal * radius / (seen.z - radius).max(voxel) + 1.0;
-    if seen.z > radius {
-        let (u, v) =
-            (camera.fx * seen.x / seen.z + camera.cx, camera.fy * seen.y / seen.z + camera.cy);
+    let reach = |focal: f32| focal * radius / (center.z - radius).max(voxel) + 1.0;
+    if center.z > radius {
+        let (u, v) = (
+            camera.fx * center.x / center.z + camera.cx,
+            camera.fy * center.y / center.z + camera.cy,
+        );
         let out = |at: f32, side: u32, reach: f32| at < -reach || at > side as f32 + reach;
         if out(u, camera.width, reach(camera.fx)) || out(v, camera.height, reach(camera.fy)) {
             return;
         }
     }
-    // Along x the camera's coordinates grow by a constant.
+    // Along x the coordinates in the camera's frame change by a constant step.
     let step = camera.camera_from_world.rotation * nalgebra::Vector3::x() * voxel;
     for (row, voxels) in block.voxels.chunks_exact_mut(SIDE).enumerate() {
         let offset = [0, (row % SIDE) as i32, (row / SIDE) as i32];
         let start = std::array::from_fn(|axis| corner[axis] + offset[axis]);
-        let mut point = camera.camera_from_world * place(start, voxel);
+        let mut point = camera.camera_from_world * voxel_position(start, voxel);
         for voxel in voxels {
             update(voxel, view, &point, truncation);
             point += step;
@@ -157,8 +159,8 @@ fn integrate(block: &mut Block, view: &View, voxel: f32, truncation: f32) {
     }
 }
 
-/// Averages a view's distance and color into a voxel; `point` is in the camera.
-fn update(voxel: &mut Voxel, view: &View, point: &Point3<f32>, truncation: f32) {
+/// Adds the distance and color of a view to a voxel; `point` is its position in the camera's frame.
+fn update(voxel: &mut Voxel, view: &DepthView, point: &Point3<f32>, truncation: f32) {
     let Some(pixel) = view.pixel(point) else { return };
     let measured = view.depth[pixel];
     let distance = measured - point.z;

@@ -1,46 +1,41 @@
 //! Language codes of a mesh's vertices: means over the views that see them.
 
-use super::{Mesh, View};
+use super::depth_view::DepthView;
 use lexsplat_gpu::LanguageImage;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-/// Opacity of the language head below which a pixel says nothing.
-const LEAST_OPACITY: f32 = 0.5;
-/// How far behind the measured surface, in voxels, a vertex still is that surface.
-const SEEN_VOXELS: f32 = 2.0;
+/// Opacity of the language head below which a pixel has no language.
+const MIN_OPACITY: f32 = 0.5;
+/// Distance from the rendered depth up to which a vertex is visible, voxels.
+const VISIBLE_VOXELS: f32 = 2.0;
 
-/// Sums of codes, view by view.
-pub(super) struct Painter<'a> {
+/// Sums of codes over views.
+pub(super) struct VertexCodes<'a> {
     positions: &'a [Point3<f32>],
     size: usize,
     /// `[vertices * size]`.
     sums: Vec<f32>,
-    /// Views that said something, `[vertices]`.
+    /// Number of views with language, `[vertices]`.
     views: Vec<f32>,
 }
 
-impl<'a> Painter<'a> {
-    /// Nothing said yet.
-    pub(super) fn new(mesh: &'a Mesh, size: usize) -> Self {
-        let count = mesh.positions.len();
-        Self {
-            positions: &mesh.positions,
-            size,
-            sums: vec![0.0; count * size],
-            views: vec![0.0; count],
-        }
+impl<'a> VertexCodes<'a> {
+    /// Zeros for vertices at these positions; `size` is the number of channels of a code.
+    pub(super) fn new(positions: &'a [Point3<f32>], size: usize) -> Self {
+        let count = positions.len();
+        Self { positions, size, sums: vec![0.0; count * size], views: vec![0.0; count] }
     }
 
-    /// Adds a view's codes to the vertices that it sees.
-    pub(super) fn add(&mut self, view: &View, image: &LanguageImage, voxel_metres: f32) {
+    /// Adds the codes of a view to the vertices that it sees.
+    pub(super) fn add(&mut self, view: &DepthView, image: &LanguageImage, voxel_metres: f32) {
         let rows = self.sums.par_chunks_exact_mut(self.size).zip(&mut self.views);
         rows.zip(self.positions).for_each(|((sum, views), position)| {
             let point = view.camera.camera_from_world * position;
             let Some(pixel) = view.pixel(&point) else { return };
             let (depth, opacity) = (view.depth[pixel], image.opacity[pixel]);
-            let hidden = (point.z - depth).abs() > SEEN_VOXELS * voxel_metres;
-            if depth <= 0.0 || hidden || opacity < LEAST_OPACITY {
+            let hidden = (point.z - depth).abs() > VISIBLE_VOXELS * voxel_metres;
+            if depth <= 0.0 || hidden || opacity < MIN_OPACITY {
                 return;
             }
             let code = &image.codes[pixel * image.channels..][..image.channels];
@@ -52,11 +47,11 @@ impl<'a> Painter<'a> {
         });
     }
 
-    /// Mean codes and their length.
-    pub(super) fn finish(mut self) -> (Vec<f32>, usize) {
+    /// Mean codes, `[vertices * size]`; zeros for vertices without language.
+    pub(super) fn means(mut self) -> Vec<f32> {
         for (sum, views) in self.sums.chunks_exact_mut(self.size).zip(self.views) {
             sum.iter_mut().for_each(|sum| *sum /= views.max(1.0));
         }
-        (self.sums, self.size)
+        self.sums
     }
 }

@@ -1,28 +1,28 @@
-//! Boxes around points, axis-aligned and oriented. Gravity is not known.
+//! Axis-aligned and oriented boxes around points. The direction of gravity is unknown.
 
 use nalgebra::{Matrix3, Point3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
-/// The share of points at each end of an axis that a box may leave out, so that a few stray
-/// Gaussians do not make it large.
+/// Share of the points at each end of an axis that lie outside the box, so that a few outliers do not
+/// enlarge it.
 const TRIMMED: f32 = 0.01;
 
-/// A box in both forms, metres.
-pub(super) struct Fitted {
+/// Both boxes of a set of points, metres.
+pub(super) struct FittedBoxes {
     /// Centre of the oriented box.
     pub center: Point3<f32>,
     /// Sides of the oriented box.
     pub size: Vector3<f32>,
-    /// Axes of the oriented box.
+    /// Orientation of the oriented box.
     pub world_from_box: UnitQuaternion<f32>,
-    /// Axis-aligned: the least corner.
+    /// Least corner of the axis-aligned box.
     pub aabb_min: Point3<f32>,
-    /// Axis-aligned: the greatest corner.
+    /// Greatest corner of the axis-aligned box.
     pub aabb_max: Point3<f32>,
 }
 
-/// The box of at least one point. Oriented along the principal axes, or along the world's if that
-/// box is no larger.
-pub(super) fn fit(points: &[Point3<f32>]) -> Fitted {
+/// The boxes of at least one point. The oriented one has the principal axes, or the world's if that
+/// box is not larger.
+pub(super) fn fit(points: &[Point3<f32>]) -> FittedBoxes {
     let aligned = UnitQuaternion::identity();
     let (aabb_min, aabb_max) = extent(points, &aligned);
     let principal = principal_axes(points);
@@ -34,10 +34,10 @@ pub(super) fn fit(points: &[Point3<f32>]) -> Fitted {
         (aligned, aabb_min, aabb_max)
     };
     let center = world_from_box * nalgebra::center(&low, &high);
-    Fitted { center, size: high - low, world_from_box, aabb_min, aabb_max }
+    FittedBoxes { center, size: high - low, world_from_box, aabb_min, aabb_max }
 }
 
-/// The least and the greatest corner in the box's axes, without the outermost points.
+/// Least and greatest corner along the axes of the box, without the trimmed points.
 fn extent(
     points: &[Point3<f32>],
     world_from_box: &UnitQuaternion<f32>,
@@ -54,7 +54,7 @@ fn extent(
     (low, high)
 }
 
-/// Right-handed, longest axis first.
+/// The principal axes, right-handed, longest first.
 fn principal_axes(points: &[Point3<f32>]) -> UnitQuaternion<f32> {
     let mean = points.iter().map(|p| p.coords).sum::<Vector3<f32>>() / points.len() as f32;
     let spread: Matrix3<f32> =
@@ -71,7 +71,7 @@ fn principal_axes(points: &[Point3<f32>]) -> UnitQuaternion<f32> {
 mod tests {
     use super::*;
 
-    /// A lattice that fills a box of these sides.
+    /// A lattice of points that fills a box with these sides.
     fn filled(
         sides: [f32; 3],
         turn: &UnitQuaternion<f32>,
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_box_is_found_turned() {
+    fn a_rotated_box_is_recovered() {
         let turn = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.6);
         let center = Point3::new(1.0, -2.0, 0.5);
         let found = fit(&filled([2.0, 1.0, 0.4], &turn, center));
@@ -97,12 +97,12 @@ mod tests {
         assert!((found.size - Vector3::new(2.0, 1.0, 0.4)).norm() < 1e-2, "{}", found.size);
         let long = (found.world_from_box * Vector3::x()).dot(&(turn * Vector3::x()));
         assert!(long.abs() > 0.999, "{long}");
-        // Negative control: the axis-aligned box of it is much larger.
+        // Negative control: its axis-aligned box is much larger.
         assert!((found.aabb_max - found.aabb_min).product() > 2.0 * found.size.product());
     }
 
     #[test]
-    fn an_aligned_cube_and_a_lone_point_are_aligned() {
+    fn an_aligned_cube_and_a_single_point_have_aligned_boxes() {
         let found = fit(&filled([1.0; 3], &UnitQuaternion::identity(), Point3::origin()));
         assert_eq!(found.world_from_box, UnitQuaternion::identity());
         assert_eq!(found.aabb_max - found.aabb_min, found.size);
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stray_point_does_not_stretch_the_box() {
+    fn an_outlier_does_not_enlarge_the_box() {
         let mut points = filled([1.0; 3], &UnitQuaternion::identity(), Point3::origin());
         points.push(Point3::new(9.0, 0.0, 0.0));
         assert!(fit(&points).aabb_max.x < 0.6);

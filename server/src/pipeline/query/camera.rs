@@ -1,12 +1,13 @@
-//! Where a request looks from: its [`View`] as a camera of the rasteriser.
+//! The camera of a request's [`View`].
 
-use super::QueryError;
-use super::request::{MAX_VIEW_SIDE, View};
+use super::error::QueryError;
+use super::limits::MAX_VIEW_SIDE;
+use super::request::View;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::Camera;
 
-/// The view's camera; a tracked frame's is the stream's camera at the frame's pose.
-pub(super) fn camera(snapshot: &MapSnapshot, view: &View) -> Result<Camera, QueryError> {
+/// The camera of a view. A tracked frame's is the camera of the stream at the frame's pose.
+pub(super) fn of_view(snapshot: &MapSnapshot, view: &View) -> Result<Camera, QueryError> {
     let (intrinsics, world_from_camera) = match view {
         View::Frame(sequence) => snapshot
             .intrinsics
@@ -18,11 +19,18 @@ pub(super) fn camera(snapshot: &MapSnapshot, view: &View) -> Result<Camera, Quer
     Ok(intrinsics.camera(&world_from_camera))
 }
 
-/// The same view in another size.
+/// The camera at a requested size, `(width, height)` in pixels.
 pub(super) fn resized(camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, QueryError> {
     let Some((width, height)) = size else { return Ok(camera) };
     check_size("size", width, height)?;
     Ok(camera.resized(width, height))
+}
+
+/// The camera at no more than `columns` columns, with the same aspect ratio.
+pub(super) fn narrowed(camera: &Camera, columns: u32) -> Camera {
+    let width = camera.width.min(columns);
+    let height = (camera.height as f32 * width as f32 / camera.width as f32).round().max(1.0);
+    camera.resized(width, height as u32)
 }
 
 fn check_size(field: &'static str, width: u32, height: u32) -> Result<(), QueryError> {

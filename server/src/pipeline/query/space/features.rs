@@ -1,0 +1,109 @@
+//! Decoded features of a whole map.
+//!
+//! The features of the most recent snapshot are cached if they fit into the configured memory. A
+//! larger map is decoded in batches at every question.
+
+use crate::pipeline::network::NetworkError;
+use crate::pipeline::query::feature_decoder::FeatureDecoder;
+use crate::pipeline::query::relevancy::{Prompts, to_bf16};
+use crate::pipeline::snapshot::MapSnapshot;
+use half::bf16;
+use lexsplat_gpu::HostGaussians;
+use std::sync::Arc;
+
+/// Features of one snapshot.
+pub(in crate::pipeline::query) struct SpaceFeatures {
+    gaussians: Arc<HostGaussians>,
+    /// Indices of the Gaussians with language, in order.
+    rows: Vec<u32>,
+    /// `[rows, D]`, unit length; `None`: too large for the cache.
+    cached: Option<Vec<bf16>>,
+}
+
+/// The features of the most recent snapshot.
+pub(in crate::pipeline::query) struct SpaceFeatureCache {
+    limit_bytes: usize,
+    last: Option<SpaceFeatures>,
+}
+
+impl SpaceFeatureCache {
+    /// Caches features of at most `limit_mib` MiB.
+    pub(in crate::pipeline::query) fn new(limit_mib: usize) -> Self {
+        Self { limit_bytes: limit_mib << 20, last: None }
+    }
+
+    /// The features of a snapshot; they are decoded now if they are not cached and fit.
+    pub(in crate::pipeline::query) fn features(
+        &mut self,
+        decoder: &mut FeatureDecoder,
+        snapshot: &MapSnapshot,
+    ) -> Result<&SpaceFeatures, NetworkError> {
+        let is_current = |last: &SpaceFeatures| Arc::ptr_eq(&last.gaussians, &snapshot.gaussians);
+        let features = match self.last.take().filter(is_current) {
+            Some(features) => features,
+            None => SpaceFeatures::new(decoder, snapshot, self.limit_bytes)?,
+        };
+        Ok(self.last.insert(features))
+    }
+}
+
+impl SpaceFeatures {
+    fn new(
+        decoder: &mut FeatureDecoder,
+        snapshot: &MapSnapshot,
+        limit_bytes: usize,
+    ) -> Result<Self, NetworkError> {
+        let rows = rows_with_language(snapshot);
+        let count = rows.len() * decoder.feature_size();
+        let mut cached = None;
+        if count * size_of::<bf16>() <= limit_bytes {
+            let mut features = Vec::with_capacity(count);
+            let codes = codes(snapshot, &rows);
+            decoder.decode(&*snapshot.online, &codes, |batch| features.extend(to_bf16(batch)))?;
+            cached = Some(features);
+        }
+        Ok(Self { gaussians: snapshot.gaussians.clone(), rows, cached })
+    }
+
+    /// Indices of the Gaussians with language, in order.
+    pub(super) fn rows(&self) -> &[u32] {
+        &self.rows
+    }
+
+    /// Share of the Gaussians with language.
+    pub(super) fn coverage(&self) -> f32 {
+        self.rows.len() as f32 / self.gaussians.len().max(1) as f32
+    }
+
+    /// Relevancies `[rows, texts]`; `snapshot` is the one of these features.
+    pub(super) fn relevancies(
+        &self,
+        decoder: &mut FeatureDecoder,
+        snapshot: &MapSnapshot,
+        prompts: &Prompts,
+    ) -> Result<Vec<f32>, NetworkError> {
+        if let Some(features) = &self.cached {
+            return Ok(prompts.relevancies(features));
+        }
+        let mut relevancies = Vec::with_capacity(self.rows.len() * prompts.texts());
+        decoder.decode(&*snapshot.online, &codes(snapshot, &self.rows), |batch| {
+            // The same rounding as in the cache: both ways give the same relevancies.
+            relevancies.extend(prompts.relevancies(&to_bf16(batch).collect::<Vec<_>>()));
+        })?;
+        Ok(relevancies)
+    }
+}
+
+/// Indices of the Gaussians that have language, in order.
+fn rows_with_language(snapshot: &MapSnapshot) -> Vec<u32> {
+    let codes = snapshot.gaussians.language.features.chunks_exact(snapshot.online.code_size());
+    let has_language = |code: &[f32]| code.iter().any(|&value| value != 0.0);
+    codes.enumerate().filter(|(_, code)| has_language(code)).map(|(at, _)| at as u32).collect()
+}
+
+/// The codes of some Gaussians, `[rows, code_size]`.
+fn codes(snapshot: &MapSnapshot, rows: &[u32]) -> Vec<f32> {
+    let size = snapshot.online.code_size();
+    let codes = &snapshot.gaussians.language.features;
+    rows.iter().flat_map(|&row| &codes[row as usize * size..][..size]).copied().collect()
+}

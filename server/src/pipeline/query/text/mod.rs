@@ -1,0 +1,6 @@
+//! Text embeddings.
+
+mod cache;
+mod embedder;
+
+pub(super) use embedder::TextEmbedder;

@@ -1,0 +1,119 @@
+//! Decoded features of one view.
+//!
+//! Codes are rendered at about the resolution of the paper's labels: finer ones would add no detail,
+//! and the cost of decoding grows with the number of pixels.
+
+use crate::pipeline::network::NetworkError;
+use crate::pipeline::query::answer::Timing;
+use crate::pipeline::query::camera;
+use crate::pipeline::query::error::QueryError;
+use crate::pipeline::query::feature_decoder::FeatureDecoder;
+use crate::pipeline::query::relevancy::{Prompts, RelevancyMap};
+use crate::pipeline::query::render::Scene;
+use crate::pipeline::query::stopwatch::Stopwatch;
+use crate::pipeline::snapshot::MapSnapshot;
+use lexsplat_gpu::{Camera, HostGaussians, LanguageImage};
+use std::sync::Arc;
+
+/// Opacity of the language head below which a pixel has no language.
+const MIN_OPACITY: f32 = 0.5;
+/// Length of a blended code, as a share of its opacity, below which a pixel has no language: its
+/// Gaussians have no codes yet, or contrary ones.
+const MIN_LENGTH: f32 = 0.2;
+
+/// Features of those pixels of a low-resolution image that have language.
+pub(in crate::pipeline::query) struct ViewFeatures {
+    width: usize,
+    height: usize,
+    /// Indices of the pixels with language, in order.
+    pixels: Vec<u32>,
+    /// `[pixels, D]`, unit length.
+    features: Vec<f32>,
+}
+
+impl ViewFeatures {
+    /// Share of the pixels with language.
+    pub(in crate::pipeline::query) fn coverage(&self) -> f32 {
+        self.pixels.len() as f32 / (self.width * self.height) as f32
+    }
+
+    /// For each text the relevancy of each pixel at the size of the view, not smoothed; 0 where there
+    /// is no language.
+    pub(in crate::pipeline::query) fn relevancy(
+        &self,
+        prompts: &Prompts,
+        camera: &Camera,
+    ) -> Vec<RelevancyMap> {
+        let relevancies = prompts.relevancies(&self.features);
+        let texts = prompts.texts();
+        (0..texts)
+            .map(|text| self.map(relevancies.iter().skip(text).step_by(texts).copied(), camera))
+            .collect()
+    }
+
+    /// Relevancies of the pixels with language as a map of the size of the view.
+    fn map(&self, relevancies: impl Iterator<Item = f32>, camera: &Camera) -> RelevancyMap {
+        let mut values = vec![0.0; self.width * self.height];
+        for (&pixel, relevancy) in self.pixels.iter().zip(relevancies) {
+            values[pixel as usize] = relevancy;
+        }
+        RelevancyMap { width: self.width, height: self.height, values }
+            .resized(camera.width as usize, camera.height as usize)
+    }
+}
+
+/// The features of the most recent view: successive questions are often about the same one.
+#[derive(Default)]
+pub(in crate::pipeline::query) struct ViewFeatureCache {
+    last: Option<(Arc<HostGaussians>, Camera, Arc<ViewFeatures>)>,
+}
+
+impl ViewFeatureCache {
+    /// The features of a view of at most `columns` columns, rendered and decoded if they are not
+    /// cached. Adds the durations to `timing`.
+    pub(in crate::pipeline::query) fn features(
+        &mut self,
+        scene: &mut Scene,
+        decoder: &mut FeatureDecoder,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+        columns: u32,
+        timing: &mut Timing,
+    ) -> Result<Arc<ViewFeatures>, QueryError> {
+        if let Some((gaussians, last, features)) = &self.last
+            && Arc::ptr_eq(gaussians, &snapshot.gaussians)
+            && last == camera
+        {
+            return Ok(features.clone());
+        }
+        let mut stopwatch = Stopwatch::start();
+        let image = scene.language(snapshot, &camera::narrowed(camera, columns))?;
+        timing.render = stopwatch.lap();
+        let features = Arc::new(decode(decoder, snapshot, &image)?);
+        timing.decode = stopwatch.lap();
+        self.last = Some((snapshot.gaussians.clone(), camera.clone(), features.clone()));
+        Ok(features)
+    }
+}
+
+/// Decodes the pixels that have language.
+fn decode(
+    decoder: &mut FeatureDecoder,
+    snapshot: &MapSnapshot,
+    image: &LanguageImage,
+) -> Result<ViewFeatures, NetworkError> {
+    let channels = snapshot.online.code_size();
+    let (mut pixels, mut codes) = (Vec::new(), Vec::new());
+    for (at, (code, &opacity)) in image.codes.chunks_exact(channels).zip(&image.opacity).enumerate()
+    {
+        let length = code.iter().map(|value| value * value).sum::<f32>().sqrt();
+        if opacity > MIN_OPACITY && length > MIN_LENGTH * opacity {
+            pixels.push(at as u32);
+            codes.extend_from_slice(code);
+        }
+    }
+    let mut features = Vec::with_capacity(pixels.len() * decoder.feature_size());
+    decoder.decode(&*snapshot.online, &codes, |batch| features.extend_from_slice(batch))?;
+    let (width, height) = (image.width as usize, image.height as usize);
+    Ok(ViewFeatures { width, height, pixels, features })
+}

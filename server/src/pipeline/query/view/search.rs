@@ -1,0 +1,55 @@
+//! Searches and segmentations of one view.
+
+use super::components;
+use super::features::ViewFeatures;
+use crate::pipeline::query::answer::{Heatmap, LabelImage};
+use crate::pipeline::query::labels::{Labels, pixel_labels, shares};
+use crate::pipeline::query::relevancy::{Prompts, RelevancyMap};
+use crate::pipeline::query::search::{Findings, Search};
+use lexsplat_gpu::Camera;
+
+/// Heat map, mask, boxes and peak of a query, and its confidence.
+pub(in crate::pipeline::query) fn search(
+    search: &Search<'_>,
+    features: &ViewFeatures,
+    camera: &Camera,
+) -> Findings {
+    let Search { query, threshold, .. } = *search;
+    let side = search.config.smoothing(query.smoothing_pixels, camera.width);
+    let relevancy = features.relevancy(search.prompts, camera).swap_remove(0).smoothed(side);
+    let least = components::min_pixels(&relevancy);
+    let outputs = query.outputs;
+    Findings {
+        confidence: search.calibration.confidence(relevancy.values.iter().copied(), least),
+        coverage: features.coverage(),
+        mask: outputs.mask.then(|| components::mask(&relevancy, threshold)),
+        boxes: outputs.boxes.then(|| components::boxes(&relevancy, threshold)),
+        peak: components::peak(&relevancy),
+        heatmap: outputs.heatmap.then_some(Heatmap {
+            width: camera.width,
+            height: camera.height,
+            values: relevancy.values,
+        }),
+        ..Findings::default()
+    }
+}
+
+/// The label of each pixel: the most relevant text above the threshold. `side` is that of the mean
+/// filter, pixels.
+pub(in crate::pipeline::query) fn segment(
+    features: &ViewFeatures,
+    prompts: &Prompts,
+    camera: &Camera,
+    side: usize,
+    threshold: f32,
+) -> Labels {
+    let maps = features.relevancy(prompts, camera);
+    let maps: Vec<RelevancyMap> = maps.into_iter().map(|map| map.smoothed(side)).collect();
+    let labels = pixel_labels(&maps, threshold);
+    Labels {
+        coverage: features.coverage(),
+        shares: shares(labels.iter().copied(), prompts.texts()),
+        image: Some(LabelImage { width: camera.width, height: camera.height, labels }),
+        points: None,
+    }
+}
