@@ -1,13 +1,16 @@
-//! How well codes stay readable while the online stage learns, and what one keyframe costs it.
+//! Quality of decoded codes while the online stage learns, and the duration of learning.
 //!
-//! In: a sequence's images, in order: each is a keyframe. Out: rows of CSV (scene, stage, keyframe,
-//! first_carried, first_frozen, all_carried, all_frozen, milliseconds): cosines between 32-D codes
-//! and what their 15-D codes decode to, for the first keyframe's and for all so far, when codes are
-//! carried over as the server does, and when they are written once. Milliseconds: learning from that
-//! keyframe. `plot-codes` of `training/` draws it. Medians on standard output: from an image to codes, and learning.
+//! In: the images of a sequence, in order; each is a keyframe. Out: rows of CSV (scene, stage,
+//! keyframe, first_carried, first_frozen, all_carried, all_frozen, milliseconds). The quality is
+//! the mean cosine between generic codes and the codes that their online codes decode to, for the
+//! first keyframe and for all so far. "Carried" codes are converted at each new version, as the
+//! server does; "frozen" codes are encoded once. Milliseconds: learning from that keyframe.
+//! Standard output has the median durations of encoding an image and of learning. `plot-codes` of
+//! `training/` draws the CSV.
 //!
 //! ```sh
-//! cargo run --release -p lexsplat-server --example codes_over_time -- --scene kitchen --csv codes.csv kitchen/*.jpg
+//! cargo run --release -p lexsplat-server --example codes_over_time -- \
+//!     --scene kitchen --csv codes.csv kitchen/*.jpg
 //! ```
 
 use anyhow::Context as _;
@@ -22,19 +25,19 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Codes of a keyframe that are followed, evenly spread.
-const FOLLOWED: usize = 200;
+/// Codes measured of each keyframe, evenly spread.
+const MEASURED: usize = 200;
 
-/// How well codes stay readable while the online stage learns.
+/// Quality of decoded codes while the online stage learns.
 #[derive(Parser)]
 struct Arguments {
-    /// What the sequence is called in the CSV.
+    /// Name of the sequence in the CSV.
     #[arg(long)]
     scene: String,
-    /// The file that rows are added to.
+    /// File to which rows are appended.
     #[arg(long)]
     csv: PathBuf,
-    /// The bundle of networks.
+    /// Folder of the bundle of networks.
     #[arg(long, default_value = "models/tiny")]
     models: PathBuf,
     /// JPEG or PNG images, in order.
@@ -58,8 +61,8 @@ fn frame(path: &Path) -> anyhow::Result<Frame> {
     })
 }
 
-/// Codes of one keyframe: what they should say, carried over, and as first written.
-struct Followed {
+/// Codes of one keyframe: generic codes, converted online codes, and online codes as first encoded.
+struct MeasuredCodes {
     truth: Vec<f32>,
     carried: Vec<f32>,
     frozen: Vec<f32>,
@@ -76,7 +79,7 @@ fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
     values.sum::<f32>() / count
 }
 
-/// Of all but the first, which warms up.
+/// Median of all but the first, which is a warm-up.
 fn median(mut times: Vec<f32>) -> f32 {
     times.remove(0);
     times.sort_by(f32::total_cmp);
@@ -84,7 +87,7 @@ fn median(mut times: Vec<f32>) -> f32 {
 }
 
 fn sampled(codes: &[f32]) -> Vec<f32> {
-    let stride = (codes.len() / GENERIC_SIZE / FOLLOWED).max(1);
+    let stride = (codes.len() / GENERIC_SIZE / MEASURED).max(1);
     codes.chunks_exact(GENERIC_SIZE).step_by(stride).flatten().copied().collect()
 }
 
@@ -93,7 +96,7 @@ fn main() -> anyhow::Result<()> {
     let config = LanguageConfig { models: arguments.models, ..LanguageConfig::default() };
     let mut vision = Vision::new(
         Bundle::load(&config)?.split().0,
-        Box::new(|_| Err("no labels are given".into())),
+        Box::new(|_| Err("frames have no labels".into())),
         &config,
     );
     let (mut codes, mut times) = (Vec::new(), Vec::new());
@@ -114,7 +117,7 @@ fn main() -> anyhow::Result<()> {
     }
     for (name, kind) in [("linear", Stage::Linear), ("mlp", Stage::Mlp)] {
         let mut stage = online(&CompressorConfig { stage: kind, ..CompressorConfig::default() });
-        let mut written: Vec<Followed> = Vec::new();
+        let mut written: Vec<MeasuredCodes> = Vec::new();
         let mut times = Vec::new();
         for (at, codes) in codes.iter().enumerate() {
             let before = stage.boxed_clone();
@@ -126,9 +129,9 @@ fn main() -> anyhow::Result<()> {
             }
             let truth = sampled(codes);
             let code = stage.encode(&truth);
-            written.push(Followed { truth, carried: code.clone(), frozen: code });
-            let carried = |followed: &Followed| cosine(&*stage, &followed.carried, &followed.truth);
-            let frozen = |followed: &Followed| cosine(&*stage, &followed.frozen, &followed.truth);
+            written.push(MeasuredCodes { truth, carried: code.clone(), frozen: code });
+            let carried = |codes: &MeasuredCodes| cosine(&*stage, &codes.carried, &codes.truth);
+            let frozen = |codes: &MeasuredCodes| cosine(&*stage, &codes.frozen, &codes.truth);
             writeln!(
                 csv,
                 "{},{name},{at},{:.4},{:.4},{:.4},{:.4},{:.3}",

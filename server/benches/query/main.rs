@@ -1,9 +1,9 @@
-//! How long questions take, stage by stage: `cargo bench -p lexsplat-server --bench query`, or
-//! `... -- GAUSSIANS` for another size than 100,000.
+//! Duration of queries, step by step: `cargo bench -p lexsplat-server --bench query`, or
+//! `... -- GAUSSIANS` for another number of Gaussians than 100,000.
 //!
-//! The map is a room of 4 x 3 x 4 m whose walls and things are each of one word; the bundle is
-//! `models/tiny`. A line is the median of [`RUNS`] questions, texts cached; `decode` is 0 where the features
-//! of the revision, or of the view, are cached.
+//! The map is a room of 4 x 3 x 4 m with furniture, each surface with the code of one word. The
+//! bundle is `models/tiny`. Each line is the median of [`RUNS`] queries with cached texts. `decode`
+//! is 0 where features are cached.
 
 use anyhow::Context as _;
 use lexsplat_gpu::{Gpu, HostGaussians};
@@ -56,7 +56,7 @@ fn main() -> anyhow::Result<()> {
     bench.run()
 }
 
-/// The generic code of an image that is all over what the word says.
+/// The generic code of a word.
 fn code(
     vision: &mut VisionNetworks,
     text: &mut TextNetworks,
@@ -75,7 +75,7 @@ fn code(
     Ok(codes.as_floats().iter().step_by(cells).copied().collect())
 }
 
-/// Discs on the faces of boxes: the first word's box is the room, the others stand in it.
+/// Discs on the faces of boxes: the first three words are the room, the others stand in it.
 fn room(size: usize, codes: &[Vec<f32>]) -> HostGaussians {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let mut map = HostGaussians::default();
@@ -113,7 +113,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// The map as a new revision: nothing of it is cached.
+    /// The map as a new revision, of which nothing is cached.
     fn snapshot(&self) -> Arc<MapSnapshot> {
         let world_from_camera = Isometry3::translation(0.0, 0.0, -1.9);
         let frame =
@@ -148,7 +148,7 @@ impl Bench {
         Ok(self.runtime.block_on(self.thread.ask(snapshot.clone(), query))?.timing)
     }
 
-    fn compare(&self, snapshot: &Arc<MapSnapshot>, view: Option<View>) -> anyhow::Result<Timing> {
+    fn segment(&self, snapshot: &Arc<MapSnapshot>, view: Option<View>) -> anyhow::Result<Timing> {
         let request = SegmentationRequest {
             texts: WORDS.map(str::to_owned).to_vec(),
             negatives: Vec::new(),
@@ -160,9 +160,9 @@ impl Bench {
     }
 
     fn run(&self) -> anyhow::Result<()> {
-        let kept = self.snapshot();
+        let cached = self.snapshot();
         for word in WORDS {
-            self.ask(&kept, word, None)?;
+            self.ask(&cached, word, None)?;
         }
         println!(
             "{:34} {:>7} {:>7} {:>7} {:>7} {:>7}",
@@ -171,19 +171,19 @@ impl Bench {
         let view = || Some(View::Frame(0));
         let word = |run: usize| WORDS[run % WORDS.len()];
         line("3D, first of a revision", |run| self.ask(&self.snapshot(), word(run), None))?;
-        self.ask(&kept, WORDS[0], None)?;
-        line("3D", |run| self.ask(&kept, word(run), None))?;
-        line("3D, 12 words compared", |_| self.compare(&kept, None))?;
+        self.ask(&cached, WORDS[0], None)?;
+        line("3D", |run| self.ask(&cached, word(run), None))?;
+        line("3D, 12 words segmented", |_| self.segment(&cached, None))?;
         line("view 640x480, first of a revision", |run| {
             self.ask(&self.snapshot(), word(run), view())
         })?;
-        self.ask(&kept, WORDS[0], view())?;
-        line("view 640x480", |run| self.ask(&kept, word(run), view()))?;
-        line("view 640x480, 12 words compared", |_| self.compare(&kept, view()))
+        self.ask(&cached, WORDS[0], view())?;
+        line("view 640x480", |run| self.ask(&cached, word(run), view()))?;
+        line("view 640x480, 12 words segmented", |_| self.segment(&cached, view()))
     }
 }
 
-/// The median of some runs, by total.
+/// Prints the median run by total duration.
 fn line(name: &str, ask: impl Fn(usize) -> anyhow::Result<Timing>) -> anyhow::Result<()> {
     let mut all = (0..RUNS).map(ask).collect::<anyhow::Result<Vec<Timing>>>()?;
     all.sort_by(|a, b| a.total.total_cmp(&b.total));

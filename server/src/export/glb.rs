@@ -1,24 +1,27 @@
-//! glTF 2.0, binary, with `KHR_gaussian_splatting`: splats for viewers on the web.
+//! `splats.glb`: binary glTF 2.0 with the extension `KHR_gaussian_splatting`, for viewers on the
+//! web.
 //!
-//! Attributes as the extension has them: positions, rotations (x, y, z, w), *linear* scales in metres,
-//! opacities in 0..1, coefficients of the zeroth spherical harmonic, all float32. `COLOR_0` lets
-//! viewers without the extension show points. Values stay in the map's world; the node turns y down, z
-//! forward to glTF's y up, z back.
+//! Attributes follow the extension: positions, rotations (x, y, z, w), linear scales in metres,
+//! opacities in 0..1 and coefficients of the zeroth spherical harmonic, all float32. Viewers
+//! without the extension show points with `COLOR_0`. Values are in the map's world. The node's
+//! rotation turns its axes (y down, z forward) into those of glTF (y up, z backward).
 
 use super::splat::{Splat, byte, splats};
 use lexsplat_gpu::HostGaussians;
 use serde_json::{Value, json};
 
-/// "glTF".
+/// "glTF" in ASCII.
 const MAGIC: u32 = 0x4654_6c67;
 const VERSION: u32 = 2;
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BINARY_CHUNK: u32 = 0x004e_4942;
-/// Component types of glTF.
+/// Component type of glTF.
 const UNSIGNED_BYTE: u32 = 5121;
+/// Component type of glTF.
 const FLOAT: u32 = 5126;
 
-/// The color heads in glTF. An empty map is a scene with nothing in it: accessors may not be empty.
+/// The color heads as `splats.glb`. An empty map has a scene without nodes: accessors must not be
+/// empty.
 pub(super) fn splats_glb(gaussians: &HostGaussians) -> Vec<u8> {
     let all: Vec<Splat> = splats(gaussians).collect();
     let mut buffer = Buffer::default();
@@ -39,7 +42,7 @@ pub(super) fn splats_glb(gaussians: &HostGaussians) -> Vec<u8> {
         "extensionsUsed": ["KHR_gaussian_splatting"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        // Half a turn about x, (x, y, z, w).
+        // Half a turn about x: (x, y, z, w).
         "nodes": [{"mesh": 0, "rotation": [1.0, 0.0, 0.0, 0.0]}],
         "meshes": [{"primitives": [{
             "mode": 0,
@@ -85,12 +88,12 @@ fn attributes(all: &[Splat], buffer: &mut Buffer) -> Value {
     })
 }
 
-/// glTF's `COLOR_0` is light, pictures are sRGB (IEC 61966-2-1).
+/// From sRGB (IEC 61966-2-1) to linear light, as `COLOR_0` requires.
 fn linear(value: f32) -> f32 {
     if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The binary part as it grows.
+/// The binary chunk and the arrays in it.
 #[derive(Default)]
 struct Buffer {
     bytes: Vec<u8>,
@@ -99,7 +102,7 @@ struct Buffer {
 }
 
 impl Buffer {
-    /// A float32 array; returns its accessor.
+    /// Appends a float32 array; returns the index of its accessor.
     fn floats<const N: usize>(
         &mut self,
         all: &[Splat],
@@ -110,7 +113,8 @@ impl Buffer {
         self.accessor(bytes, json!({"componentType": FLOAT, "count": all.len(), "type": kind}))
     }
 
-    /// An array of its own view, whose length is a multiple of four bytes; returns its accessor.
+    /// Appends an array as a view of its own; returns the index of its accessor. The length is a
+    /// multiple of four bytes.
     fn accessor(&mut self, bytes: Vec<u8>, mut accessor: Value) -> usize {
         self.views
             .push(json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()}));
@@ -121,7 +125,7 @@ impl Buffer {
     }
 }
 
-/// Header and chunks; JSON is padded with spaces.
+/// The file: header and chunks. JSON is padded with spaces.
 fn binary(document: &Value, buffer: &[u8]) -> Vec<u8> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -181,7 +185,7 @@ mod tests {
         assert!((floats("KHR_gaussian_splatting:OPACITY")[0] - 0.562_177).abs() < 1e-5);
         assert!((floats("KHR_gaussian_splatting:SH_DEGREE_0_COEF_0")[0] - 1.772_45).abs() < 1e-4);
         assert_eq!(document["accessors"][0]["max"], json!([4.0, 5.0, 6.0]));
-        // sRGB 1.0, 0.5, 0.0 as light.
+        // sRGB 1.0, 0.5, 0.0 as linear light.
         assert_eq!(data[data.len() - 8..][..4], [255, 55, 0, 143]);
     }
 

@@ -1,25 +1,26 @@
-//! Labels as files: a PNG whose pixels' values are the labels and whose palette shows them, and points.
+//! Labels of a segmentation as an indexed PNG and as PLY points.
 //!
-//! Label 0 is "none of them": transparent in pictures, grey in points.
+//! Label 0, "none of the texts", is transparent in images and grey in points.
 
 use super::ply;
 use crate::pipeline::query::LabelledPoint;
 use png::{BitDepth, ColorType, Encoder};
 
-/// Turns of the color wheel between two labels: the golden angle never comes near where it was.
+/// Turns of the color wheel from one label to the next: with the golden angle, colors do not
+/// repeat.
 const TURN: f32 = 0.618_034;
-/// A point of no label.
-const NONE: [u8; 3] = [128, 128, 128];
+/// Color of points without a label.
+const UNLABELLED: [u8; 3] = [128, 128, 128];
 
-/// The color of a label from 1; 0 is black, as nobody sees it.
+/// The color of a label. Label 0 is black, because it is transparent.
 pub fn label_color(label: usize) -> [u8; 3] {
     if label == 0 {
         return [0; 3];
     }
     let hue = (label as f32 * TURN).fract() * 6.0;
-    // Every other label is paler, so that neighbours on the wheel differ in two ways.
+    // Even labels are paler, so that neighbours on the wheel also differ in saturation.
     let (value, saturation) = if label % 2 == 1 { (0.95, 0.85) } else { (0.85, 0.55) };
-    // HSV to RGB, a channel at a time.
+    // HSV to RGB, for each channel.
     [5.0, 3.0, 1.0].map(|shift: f32| {
         let k = (shift + hue) % 6.0;
         let part = k.min(4.0 - k).clamp(0.0, 1.0);
@@ -27,7 +28,7 @@ pub fn label_color(label: usize) -> [u8; 3] {
     })
 }
 
-/// `[height * width]` labels as an indexed PNG.
+/// Labels `[height * width]` as an indexed PNG: the values of the pixels are the labels.
 pub fn labels_png(width: u32, height: u32, labels: &[u8]) -> Vec<u8> {
     let most = labels.iter().copied().max().unwrap_or(0);
     let mut out = Vec::new();
@@ -36,13 +37,13 @@ pub fn labels_png(width: u32, height: u32, labels: &[u8]) -> Vec<u8> {
     encoder.set_depth(BitDepth::Eight);
     encoder.set_palette((0..=usize::from(most)).flat_map(label_color).collect::<Vec<_>>());
     encoder.set_trns(&[0][..]);
-    let mut writer = encoder.write_header().expect("memory takes all bytes");
-    writer.write_image_data(labels).expect("the labels have the size that is said");
+    let mut writer = encoder.write_header().expect("a vector takes all bytes");
+    writer.write_image_data(labels).expect("the labels have this size");
     drop(writer);
     out
 }
 
-/// Points of an answer to several texts: `x y z red green blue label score`.
+/// Labelled points as PLY: `x y z red green blue label score`.
 pub fn labelled_points_ply(points: &[LabelledPoint]) -> Vec<u8> {
     let properties: [(&str, &[&str]); 3] = [
         ("float", &["x", "y", "z"]),
@@ -52,7 +53,7 @@ pub fn labelled_points_ply(points: &[LabelledPoint]) -> Vec<u8> {
     let mut out = ply::header(points.len(), &properties, None);
     for point in points {
         ply::put(&mut out, point.position.coords.as_slice());
-        out.extend(if point.label == 0 { NONE } else { label_color(point.label.into()) });
+        out.extend(if point.label == 0 { UNLABELLED } else { label_color(point.label.into()) });
         out.push(point.label);
         ply::put(&mut out, &[point.score]);
     }
@@ -65,10 +66,10 @@ mod tests {
     use nalgebra::Point3;
 
     #[test]
-    fn a_pictures_values_are_its_labels_and_its_colors_differ() {
+    fn values_of_pixels_are_labels_and_colors_differ() {
         let file = labels_png(3, 2, &[0, 1, 2, 3, 1, 0]);
         let shown = image::load_from_memory(&file).unwrap().into_rgba8();
-        assert_eq!(shown.get_pixel(0, 0)[3], 0, "none is transparent");
+        assert_eq!(shown.get_pixel(0, 0)[3], 0, "label 0 is transparent");
         assert_eq!(shown.get_pixel(1, 0), shown.get_pixel(1, 1));
         assert_eq!(shown.get_pixel(2, 0).0[..3], label_color(2));
         let mut decoder = png::Decoder::new(std::io::Cursor::new(&file));

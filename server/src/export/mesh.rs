@@ -1,25 +1,27 @@
-//! Meshes as binary little-endian PLY: `x y z nx ny nz red green blue`, `code_0 …` of the online stage,
-//! `relevancy` if a question was asked, and triangles. Viewers skip the properties they do not know.
+//! `mesh.ply`: binary little-endian PLY.
+//!
+//! Properties of the vertices: `x y z nx ny nz red green blue`, `code_0 ...` of the online stage,
+//! and `relevancy` if there is a query. Viewers ignore unknown properties.
 
 use super::ply;
 use super::splat::byte;
 use crate::pipeline::query::Mesh;
 
-/// Indices of a face.
+/// Vertices of a face.
 const CORNERS: u8 = 3;
 
-/// The mesh.
+/// The mesh as PLY.
 pub(super) fn mesh_ply(mesh: &Mesh) -> Vec<u8> {
     let size = if mesh.positions.is_empty() { 0 } else { mesh.code_size };
     let codes: Vec<String> = (0..size).map(|at| format!("code_{at}")).collect();
-    let mut further: Vec<&str> = codes.iter().map(String::as_str).collect();
+    let mut floats: Vec<&str> = codes.iter().map(String::as_str).collect();
     if !mesh.relevancies.is_empty() {
-        further.push("relevancy");
+        floats.push("relevancy");
     }
     let properties: [(&str, &[&str]); 3] = [
         ("float", &["x", "y", "z", "nx", "ny", "nz"]),
         ("uchar", &["red", "green", "blue"]),
-        ("float", &further),
+        ("float", &floats),
     ];
     let mut out = ply::header(mesh.positions.len(), &properties, Some(mesh.faces.len()));
     for (at, position) in mesh.positions.iter().enumerate() {

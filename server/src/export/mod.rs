@@ -1,22 +1,24 @@
-//! A map as a file. In: a snapshot. Out: bytes of PLY, SPZ, glTF, npz, TUM text, PNG or npy.
+//! Exports of maps and of answers as files. In: a snapshot or an answer. Out: bytes of PLY, SPZ,
+//! glTF, npz, TUM text, PNG or npy.
 //!
-//! Knows neither gRPC nor HTTP; both edges use it. Everything is in the map's world, metres.
+//! Both edges use it; it depends on neither gRPC nor HTTP. Positions are in the map's world,
+//! metres.
 
 mod glb;
 mod labels;
 mod mesh;
 mod npy;
 mod npz;
-mod picture;
 mod ply;
+mod png;
 mod splat;
 mod spz;
 mod tum;
 
 pub use labels::{label_color, labelled_points_ply, labels_png};
 pub use npy::npy;
-pub use picture::{depth_png, heatmap_png, rgb_png};
 pub use ply::scored_points_ply;
+pub use png::{depth_png, heatmap_png, rgb_png};
 pub use tum::{seconds, trajectory};
 
 use crate::pipeline::engine::Engine;
@@ -25,64 +27,64 @@ use crate::pipeline::snapshot::MapSnapshot;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// Files that a map can be exported as.
+/// File formats of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Format {
-    /// Gaussians with the property names that splat viewers read.
+    /// Gaussians with the property names of splat viewers.
     SplatsPly,
     /// Gaussians, compressed (Niantic's SPZ).
     SplatsSpz,
     /// Gaussians in glTF (`KHR_gaussian_splatting`).
     SplatsGlb,
-    /// Language codes and shapes, beside `splats.ply`.
+    /// Language heads: codes and shapes.
     LanguageNpz,
-    /// Gaussians' centres with their colors.
+    /// Centres of the Gaussians, with colors.
     PointsPly,
-    /// A triangle mesh.
+    /// Triangle mesh.
     MeshPly,
     /// `timestamp tx ty tz qx qy qz qw` of every tracked frame.
     TrajectoryTum,
 }
 
-/// Why there is no file.
+/// Why a file cannot be exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// Nobody knows the format.
+    /// The format is unknown.
     #[error(
         "{found:?} is no export format: expected splats.ply, splats.spz, splats.glb, language.npz, \
          points.ply, mesh.ply or trajectory.tum"
     )]
     Unknown {
-        /// What was asked for.
+        /// Name in the request.
         found: String,
     },
-    /// A mesh that cannot be made.
+    /// The mesh cannot be built.
     #[error(transparent)]
     Mesh(#[from] QueryError),
-    /// An option that the format does not take.
+    /// The format does not have this option.
     #[error("{field}: only mesh.ply takes it, not {format}")]
     NotForFormat {
         /// `voxel` or `text`.
         field: &'static str,
-        /// What was asked for.
+        /// Name of the format.
         format: &'static str,
     },
-    /// A bug.
+    /// The export panicked.
     #[error("writing the file panicked: the server's log says where")]
     Panicked,
 }
 
-/// What can be chosen about a mesh.
+/// Options of a mesh.
 #[derive(Clone, Debug, Default)]
 pub struct MeshOptions {
     /// Side of a voxel, metres; `None`: [`query::DEFAULT_VOXEL_METRES`].
     pub voxel_metres: Option<f32>,
-    /// A question, whose relevancy becomes a property of the vertices.
+    /// Query for the relevancy of the vertices.
     pub question: Option<Query>,
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 7] = [
         Self::SplatsPly,
         Self::SplatsSpz,
@@ -93,7 +95,7 @@ impl Format {
         Self::TrajectoryTum,
     ];
 
-    /// The file's name.
+    /// File name.
     pub fn name(self) -> &'static str {
         match self {
             Self::SplatsPly => "splats.ply",
@@ -106,7 +108,7 @@ impl Format {
         }
     }
 
-    /// Its media type.
+    /// Media type.
     pub fn media_type(self) -> &'static str {
         match self {
             Self::SplatsGlb => "model/gltf-binary",
@@ -125,10 +127,10 @@ impl FromStr for Format {
     }
 }
 
-/// Writes the file, off the async threads.
+/// Writes a map as a file, on a blocking thread.
 ///
 /// # Errors
-/// [`ExportError`] names the option at fault, or what failed.
+/// [`ExportError`] names the option at fault, or the failure.
 pub async fn file(
     engine: &Engine,
     snapshot: Arc<MapSnapshot>,
@@ -163,7 +165,7 @@ async fn mesh_file(
     written.map_err(|_| ExportError::Panicked)
 }
 
-/// The least and the greatest; `(0, 0)` of nothing.
+/// Minimum and maximum; `(0, 0)` for an empty slice.
 pub fn extremes(values: &[f32]) -> (f32, f32) {
     let first = values.first().copied().unwrap_or_default();
     values.iter().fold((first, first), |(min, max), value| (min.min(*value), max.max(*value)))
@@ -174,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_read_back_and_others_are_not() {
+    fn names_are_parsed_and_unknown_ones_refused() {
         for format in Format::ALL {
             assert_eq!(format.name().parse::<Format>().unwrap(), format);
         }
@@ -182,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn extremes_are_found() {
+    fn extremes_are_minimum_and_maximum() {
         assert_eq!(extremes(&[0.3, -1.0, 2.0]), (-1.0, 2.0));
         assert_eq!(extremes(&[]), (0.0, 0.0));
     }

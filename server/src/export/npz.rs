@@ -1,7 +1,7 @@
 //! `language.npz`: the language heads, one row per Gaussian in the order of `splats.ply`.
 //!
-//! The file is an archive of NumPy arrays, because `numpy.load` alone reads it and arrays of several
-//! shapes fit into one file. All arrays are float32:
+//! The file is an archive of NumPy arrays, because `numpy.load` alone reads it and arrays of
+//! several shapes fit into one file. All arrays are float32:
 //!
 //! - `codes` `[n, code_size]`: codes of the online stage; zeros where a Gaussian has no language.
 //! - `generic` `[n, 32]`: the same codes decoded by the online stage, unit length; zeros likewise.

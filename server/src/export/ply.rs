@@ -4,13 +4,13 @@ use super::splat::{byte, splats};
 use crate::pipeline::query::ScoredPoint;
 use lexsplat_gpu::HostGaussians;
 
-/// What a splat has, in the order in which viewers expect it.
+/// Properties of a splat, in the order that viewers expect.
 const SPLAT_PROPERTIES: [&str; 17] = [
     "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1",
     "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
 ];
 
-/// The header: kinds and names of the vertices' properties, and the number of triangles if it is a mesh.
+/// A PLY header: types and names of the vertices' properties, and the number of faces of a mesh.
 pub(super) fn header(
     count: usize,
     properties: &[(&str, &[&str])],
@@ -29,14 +29,14 @@ pub(super) fn header(
     text.into_bytes()
 }
 
-/// Appends float32s.
+/// Appends float32 values.
 pub(super) fn put(out: &mut Vec<u8>, values: &[f32]) {
     out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
 }
 
-/// The color heads as splats: logarithmic scales, opacity logits, unit quaternions (w, x, y, z) and
-/// `f_dc = (rgb - 0.5) / 0.28209`.
-pub fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
+/// The color heads as `splats.ply`: logarithmic scales, opacity logits, unit quaternions (w, x, y,
+/// z) and `f_dc = (rgb - 0.5) / 0.28209`.
+pub(super) fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
     let all = splats(gaussians);
     let mut out = header(all.len(), &[("float", &SPLAT_PROPERTIES)], None);
     for splat in all {
@@ -50,8 +50,8 @@ pub fn splats_ply(gaussians: &HostGaussians) -> Vec<u8> {
     out
 }
 
-/// The Gaussians' centres with 8-bit colors.
-pub fn points_ply(gaussians: &HostGaussians) -> Vec<u8> {
+/// The centres of the Gaussians with 8-bit colors, `points.ply`.
+pub(super) fn points_ply(gaussians: &HostGaussians) -> Vec<u8> {
     let all = splats(gaussians);
     let properties: [(&str, &[&str]); 2] =
         [("float", &["x", "y", "z"]), ("uchar", &["red", "green", "blue"])];
@@ -63,7 +63,7 @@ pub fn points_ply(gaussians: &HostGaussians) -> Vec<u8> {
     out
 }
 
-/// Points of an answer: `x y z score`.
+/// Points of an answer as PLY: `x y z score`.
 pub fn scored_points_ply(points: &[ScoredPoint]) -> Vec<u8> {
     let mut out = header(points.len(), &[("float", &["x", "y", "z", "score"])], None);
     for point in points {
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn splats_have_the_names_and_numbers_that_viewers_read() {
+    fn splats_have_the_properties_of_viewers() {
         let file = splats_ply(&two());
         let (header, data) = body(&file);
         assert!(header.contains("element vertex 2\nproperty float x\n"), "{header}");

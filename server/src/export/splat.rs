@@ -1,17 +1,17 @@
-//! One Gaussian's color head as the splat formats store it. In: a snapshot's Gaussians. Out: values
-//! that PLY, SPZ and glTF share; each format packs them its own way.
+//! Color heads as splat formats store them. In: the Gaussians of a snapshot. Out: values that are
+//! common to PLY, SPZ and glTF.
 
 use lexsplat_gpu::HostGaussians;
 
-/// The zeroth spherical harmonic: color = 0.5 + this times the coefficient.
-pub(super) const SH_0: f32 = 0.282_094_79;
+/// The zeroth spherical harmonic: color = 0.5 + SH_0 * coefficient.
+const SH_0: f32 = 0.282_094_79;
 
-/// A Gaussian as it looks.
+/// The color head of a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Splat {
     /// Metres, in the map's world.
     pub position: [f32; 3],
-    /// Red, green, blue; 0..1 is what screens show.
+    /// Red, green, blue; the displayable range is 0..1.
     pub rgb: [f32; 3],
     /// Natural logarithms of the standard deviations, metres.
     pub log_scale: [f32; 3],
@@ -27,7 +27,7 @@ impl Splat {
         self.rgb.map(|value| (value - 0.5) / SH_0)
     }
 
-    /// 0..1.
+    /// Opacity, 0..1.
     pub(super) fn opacity(&self) -> f32 {
         1.0 / (1.0 + (-self.opacity_logit).exp())
     }
@@ -53,18 +53,18 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
     quaternion.map(|part| part / norm.max(f32::MIN_POSITIVE))
 }
 
-/// 0..1 to 0..255; what is beyond, or no number, is clamped.
+/// 0..1 to 0..255. Values beyond the range are clamped; NaN becomes 0.
 pub(super) fn byte(value: f32) -> u8 {
     (value * 255.0).round() as u8
 }
 
 #[cfg(test)]
 pub(super) mod samples {
-    //! Gaussians that the formats' tests share.
+    //! Gaussians for the tests of all formats.
 
     use lexsplat_gpu::{HostGaussians, HostHead};
 
-    /// Two, with rotations that are not of unit length and colors beyond the range.
+    /// Two Gaussians, with rotations that have no unit length and colors beyond the range.
     pub(in crate::export) fn two() -> HostGaussians {
         let head = |channels| HostHead {
             rotations: vec![[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 4.0]],
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rotations_are_made_unit_and_colors_become_harmonics() {
+    fn rotations_have_unit_length_and_colors_become_harmonics() {
         let all: Vec<Splat> = splats(&samples::two()).collect();
         assert_eq!(all[1].rotation, [0.0, 0.6, 0.0, 0.8]);
         let [red, green, blue] = all[0].harmonics();

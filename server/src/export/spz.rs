@@ -1,10 +1,11 @@
-//! SPZ, version 3 (Niantic's compressed splats; the format's page is github.com/nianticlabs/spz): a
-//! gzipped header of 16 bytes, then one array per attribute, about a tenth of the PLY.
+//! `splats.spz`: SPZ version 3, Niantic's format for compressed splats
+//! (<https://github.com/nianticlabs/spz>), about a tenth of the size of the PLY.
 //!
-//! Positions are 24-bit fixed point, opacities and colors bytes, scales bytes of the logarithm,
-//! rotations the three smallest parts of the quaternion in 32 bits. The format's axes are right, up,
-//! back; the map's world is taken as right, down, forward, as PLY readers take it, so that a map
-//! stands the same way in either file. Lossy: half a millimetre, 3 % of a scale, 0.1 degrees.
+//! The file is gzipped: a header of 16 bytes, then one array for each attribute. Positions are
+//! 24-bit fixed point; opacities and colors are bytes; scales are bytes of the logarithm; rotations
+//! are the three smallest components of the quaternion in 32 bits. The axes of SPZ are right, up,
+//! back; those of the map's world are right, down, forward, so that y and z are negated. Losses:
+//! half a millimetre, 3 % of a scale, 0.1 degrees.
 
 use super::splat::{Splat, byte, splats};
 use flate2::Compression;
@@ -12,23 +13,23 @@ use flate2::write::GzEncoder;
 use lexsplat_gpu::HostGaussians;
 use std::io::Write as _;
 
-/// "NGSP".
+/// "NGSP" in ASCII.
 const MAGIC: u32 = 0x5053_474e;
 const VERSION: u32 = 3;
-/// Bits of a position behind the point: a quarter of a millimetre, up to 2 km from the origin.
+/// Fractional bits of a position: steps of a quarter of a millimetre, up to 2 km from the origin.
 const FRACTIONAL_BITS: u8 = 12;
-/// The greatest 24-bit number.
-const MOST_FIXED: f32 = 8_388_607.0;
-/// Colors are bytes of 0.5 + this times the harmonic's coefficient.
+/// The largest signed 24-bit number.
+const MAX_FIXED: f32 = 8_388_607.0;
+/// Colors are bytes of 0.5 + COLOR_SCALE * coefficient of the harmonic.
 const COLOR_SCALE: f32 = 0.15;
-/// The greatest magnitude of a quaternion's part, 9 bits, for `sqrt(1/2)`.
-const MOST_PART: f32 = 511.0;
+/// The largest magnitude of a quaternion's component, 9 bits, for `sqrt(1/2)`.
+const MAX_COMPONENT: f32 = 511.0;
 
-/// The color heads, compressed.
+/// The color heads as `splats.spz`.
 pub(super) fn splats_spz(gaussians: &HostGaussians) -> Vec<u8> {
     let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
-    gzip.write_all(&unzipped(gaussians)).expect("memory takes all bytes");
-    gzip.finish().expect("memory takes all bytes")
+    gzip.write_all(&unzipped(gaussians)).expect("a vector takes all bytes");
+    gzip.finish().expect("a vector takes all bytes")
 }
 
 fn unzipped(gaussians: &HostGaussians) -> Vec<u8> {
@@ -51,29 +52,29 @@ fn unzipped(gaussians: &HostGaussians) -> Vec<u8> {
     out
 }
 
-/// Fixed point, y and z turned round; what is out of range is clamped.
+/// Fixed point with negated y and z; values out of range are clamped.
 fn position(splat: &Splat) -> [u8; 9] {
     let [x, y, z] = splat.position;
     let mut out = [0; 9];
     for (value, bytes) in [x, -y, -z].into_iter().zip(out.chunks_exact_mut(3)) {
         let fixed = (value * f32::from(1_u16 << FRACTIONAL_BITS)).round();
-        let fixed = fixed.clamp(-MOST_FIXED, MOST_FIXED) as i32;
+        let fixed = fixed.clamp(-MAX_FIXED, MAX_FIXED) as i32;
         bytes.copy_from_slice(&fixed.to_le_bytes()[..3]);
     }
     out
 }
 
-/// The place of the largest of (x, y, z, w) in two bits, then the other three in order, 9 bits and a
-/// sign each; the largest is made positive.
+/// The index of the largest of (x, y, z, w) in two bits, then the other three in order, each a sign
+/// and 9 bits. The quaternion is negated if the largest component is negative.
 fn rotation(splat: &Splat) -> u32 {
-    // Half a turn about x goes from right, down, forward to right, up, back.
+    // Half a turn about x takes right, down, forward to right, up, back.
     let [w, x, y, z] = splat.rotation;
     let parts = [x, -y, -z, w];
     let largest = (0..4).max_by(|&a, &b| parts[a].abs().total_cmp(&parts[b].abs())).unwrap_or(3);
     let sign = parts[largest].signum();
     (0..4).filter(|&at| at != largest).fold(largest as u32, |packed, at| {
         let part = parts[at] * sign * std::f32::consts::SQRT_2;
-        let magnitude = (part.abs() * MOST_PART).round().min(MOST_PART) as u32;
+        let magnitude = (part.abs() * MAX_COMPONENT).round().min(MAX_COMPONENT) as u32;
         (packed << 10) | (u32::from(part < 0.0) << 9) | magnitude
     })
 }
@@ -84,7 +85,7 @@ mod tests {
     use crate::export::splat::samples::two;
     use std::io::Read as _;
 
-    /// The page's own rule for reading a rotation: (x, y, z, w).
+    /// Unpacks a rotation (x, y, z, w) by the rule of the specification.
     fn unpacked(mut packed: u32) -> [f32; 4] {
         let largest = (packed >> 30) as usize;
         let (mut parts, mut squares) = ([0.0_f32; 4], 0.0);
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn every_attribute_is_where_the_page_says() {
+    fn attributes_are_laid_out_as_specified() {
         let mut file = Vec::new();
         let zipped = splats_spz(&two());
         flate2::read::GzDecoder::new(&zipped[..]).read_to_end(&mut file).unwrap();
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn rotations_come_back_turned_to_the_other_axes() {
+    fn rotations_are_converted_to_the_axes_of_spz() {
         for quaternion in [
             [1.0, 0.0, 0.0, 0.0],
             [0.0, 0.6, 0.0, 0.8],
@@ -136,7 +137,7 @@ mod tests {
             let dot =
                 |other: [f32; 4]| found.iter().zip(other).map(|(a, b)| a * b).sum::<f32>().abs();
             assert!(dot([x, -y, -z, w]) > 0.999_99, "{quaternion:?} {found:?}");
-            // Negative control: without the turn it is another rotation, but for those about x.
+            // Negative control: without the conversion the rotation differs, except about x.
             assert!(dot([x, y, z, w]) < 0.9 || (y == 0.0 && z == 0.0), "{quaternion:?}");
         }
     }

@@ -1,11 +1,11 @@
-//! Trajectories as TUM text: `timestamp tx ty tz qx qy qz qw`, camera-to-world.
+//! `trajectory.tum`: lines of `timestamp tx ty tz qx qy qz qw`, camera-to-world.
 
 use crate::pipeline::frame::TrackedFrame;
 use std::fmt::Write as _;
 
 const NANOS_PER_SECOND: u64 = 1_000_000_000;
 
-/// One line per tracked frame: seconds, metres, quaternion (x, y, z, w).
+/// One line for each tracked frame: seconds, metres, quaternion (x, y, z, w).
 pub fn trajectory(frames: &[TrackedFrame]) -> String {
     let mut text = String::from("# timestamp tx ty tz qx qy qz qw\n");
     for frame in frames {
@@ -22,7 +22,7 @@ pub fn trajectory(frames: &[TrackedFrame]) -> String {
     text
 }
 
-/// Seconds, to about a microsecond for times since 1970.
+/// A timestamp in seconds. For times since 1970 it is exact to about a microsecond.
 pub fn seconds(timestamp_nanos: u64) -> f64 {
     timestamp_nanos as f64 / NANOS_PER_SECOND as f64
 }

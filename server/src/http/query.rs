@@ -36,9 +36,9 @@ pub(super) async fn ask(
             state.answers.keep(&reply.query_id, map.name(), &mut answer);
             json::Reply::Answer(reply)
         }
-        Question::Texts(segmentation) => {
-            let texts = segmentation.texts.clone();
-            let found = state.in_time(state.engine().segment(&map, segmentation)).await??;
+        Question::Texts(request) => {
+            let texts = request.texts.clone();
+            let found = state.in_time(state.engine().segment(&map, request)).await??;
             let reply = to_json::segmentation(query_id(), texts, map.name(), &found);
             state.answers.keep_labels(&reply.query_id, map.name(), found);
             json::Reply::Segmentation(reply)

@@ -27,9 +27,9 @@ pub(super) async fn answer(
             let answer = engine.query(&map, query).await.map_err(failed)?;
             response(answer, text, map.name().into())
         }
-        Question::Texts(segmentation) => {
-            let texts = segmentation.texts.clone();
-            let found = engine.segment(&map, segmentation).await.map_err(failed)?;
+        Question::Texts(request) => {
+            let texts = request.texts.clone();
+            let found = engine.segment(&map, request).await.map_err(failed)?;
             segmentation(found, texts, map.name().into())
         }
     };

@@ -22,5 +22,5 @@ mod pose_adam;
 pub mod query;
 pub mod range;
 pub mod snapshot;
-pub mod srd;
+mod srd;
 pub mod tracker;

@@ -19,7 +19,7 @@ pub struct OutOfRange {
 }
 
 /// A number that can be configured.
-pub trait Number: Copy + Display + PartialOrd {
+pub(crate) trait Number: Copy + Display + PartialOrd {
     /// Prefix of an expectation: floats have to be finite.
     const KIND: &'static str;
 
@@ -58,7 +58,7 @@ floats!(f32, f64);
 ///
 /// # Errors
 /// [`OutOfRange`] with these texts.
-pub fn require(
+pub(crate) fn require(
     holds: bool,
     key: &'static str,
     found: impl Display,
@@ -74,7 +74,7 @@ pub fn require(
 ///
 /// # Errors
 /// [`OutOfRange`] if it is smaller, NaN or infinite.
-pub fn at_least<N: Number>(key: &'static str, value: N, least: N) -> Result<(), OutOfRange> {
+pub(crate) fn at_least<N: Number>(key: &'static str, value: N, least: N) -> Result<(), OutOfRange> {
     let expected = format!("{}at least {least}", N::KIND);
     require(value.is_finite() && value >= least, key, value, expected)
 }
@@ -83,7 +83,7 @@ pub fn at_least<N: Number>(key: &'static str, value: N, least: N) -> Result<(), 
 ///
 /// # Errors
 /// [`OutOfRange`] if it is not greater, NaN or infinite.
-pub fn above<N: Number>(key: &'static str, value: N, bound: N) -> Result<(), OutOfRange> {
+pub(crate) fn above<N: Number>(key: &'static str, value: N, bound: N) -> Result<(), OutOfRange> {
     let expected = format!("{}more than {bound}", N::KIND);
     require(value.is_finite() && value > bound, key, value, expected)
 }
@@ -92,7 +92,7 @@ pub fn above<N: Number>(key: &'static str, value: N, bound: N) -> Result<(), Out
 ///
 /// # Errors
 /// [`OutOfRange`] if it is outside or NaN.
-pub fn within<N: Number>(
+pub(crate) fn within<N: Number>(
     key: &'static str,
     value: N,
     range: RangeInclusive<N>,

@@ -1,18 +1,18 @@
-//! A bounded dictionary of observed directions, from which the part of a generic code that the basis
-//! does not span is looked up.
+//! A bounded dictionary of observed directions, from which the part of a generic code that the
+//! basis does not span is looked up.
 //!
 //! In: the generic codes of keyframes. Out: for an online code, its generic code. The size does not
 //! grow with the number of keyframes.
 //!
-//! An online code of an observed direction is near the online code of one of the entries, even where
-//! the basis keeps only half of its length: scenes have few distinct directions, and 15 dimensions
-//! separate them. The remainder is the mean of the entries' remainders, weighted by
+//! An online code of an observed direction is near the online code of one of the entries, even
+//! where the basis keeps only half of its length: scenes have few distinct directions, and 15
+//! dimensions separate them. The remainder is the mean of the entries' remainders, weighted by
 //! `exp(-SHARPNESS (1 - cosine))`: kernel regression (Nadaraya 1964, Watson 1964). Far from all
 //! entries it is zero.
 //!
 //! Entries are means of the codes that are nearest to them. A code that is near no entry starts a
-//! new one. A full dictionary increases its radius and merges entries (Charikar et al., *Incremental
-//! clustering*, 1997).
+//! new one. A full dictionary increases its radius and merges entries (Charikar et al.,
+//! *Incremental clustering*, 1997).
 
 use super::rows::normalise_rows;
 use crate::pipeline::network::GENERIC_SIZE;

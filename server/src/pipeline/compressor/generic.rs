@@ -8,12 +8,12 @@ use crate::pipeline::network::{GENERIC_SIZE, Network, NetworkError, Tensor};
 const DECODE_BATCH: usize = 4096;
 
 /// Features -> generic codes.
-pub struct GenericEncoder {
+pub(crate) struct GenericEncoder {
     network: Network,
 }
 
 /// Generic codes on a grid.
-pub struct CodeGrid {
+pub(crate) struct CodeGrid {
     /// Rows.
     pub height: usize,
     /// Columns.
@@ -24,7 +24,7 @@ pub struct CodeGrid {
 
 impl CodeGrid {
     /// From channels-first codes `[1, 32, height, width]`; each code is scaled to unit length.
-    pub fn from_planes(planes: &Tensor) -> Self {
+    pub(crate) fn from_planes(planes: &Tensor) -> Self {
         let shape = planes.shape();
         let (height, width) = (shape[2], shape[3]);
         let planes = planes.as_floats();
@@ -42,7 +42,7 @@ impl CodeGrid {
 
 impl GenericEncoder {
     /// Wraps the bundle's network.
-    pub fn new(network: Network) -> Self {
+    pub(crate) fn new(network: Network) -> Self {
         Self { network }
     }
 
@@ -50,19 +50,19 @@ impl GenericEncoder {
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
-    pub fn compress(&mut self, features: &[Tensor; 1]) -> Result<CodeGrid, NetworkError> {
+    pub(crate) fn compress(&mut self, features: &[Tensor; 1]) -> Result<CodeGrid, NetworkError> {
         Ok(CodeGrid::from_planes(&self.network.run(features)?[0]))
     }
 }
 
 /// Generic codes -> features.
-pub struct GenericDecoder {
+pub(crate) struct GenericDecoder {
     network: Network,
 }
 
 impl GenericDecoder {
     /// Wraps the bundle's network.
-    pub fn new(network: Network) -> Self {
+    pub(crate) fn new(network: Network) -> Self {
         Self { network }
     }
 
@@ -70,7 +70,7 @@ impl GenericDecoder {
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
-    pub fn decompress(
+    pub(crate) fn decompress(
         &mut self,
         codes: &[f32],
         mut each: impl FnMut(&[f32]),

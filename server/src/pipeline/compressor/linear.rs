@@ -6,8 +6,8 @@
 //! little of rare directions, but enough to identify them in the dictionary.
 //!
 //! Alpha blending is a weighted sum and commutes with W, so a blended code decodes to the blend of
-//! the codes. The moments are sums over all keyframes with equal weights, so none is forgotten. When
-//! the basis is replaced, the new one is rotated within its span to change codes as little as
+//! the codes. The moments are sums over all keyframes with equal weights, so none is forgotten.
+//! When the basis is replaced, the new one is rotated within its span to change codes as little as
 //! possible.
 
 use super::dictionary::{Dictionary, DictionaryDecoder};
@@ -25,7 +25,7 @@ const BLOCK: usize = 512;
 
 /// Running principal directions of all observed codes.
 #[derive(Clone)]
-pub struct Linear {
+pub(super) struct Linear {
     code_size: usize,
     tolerance: f64,
     version: u64,
@@ -42,7 +42,7 @@ impl Linear {
     /// The state before any keyframe: the basis is the first axes. `tolerance` is the share of all
     /// observed codes' squared length that the basis may lose, beyond what the best basis loses,
     /// before it is replaced.
-    pub fn new(code_size: usize, tolerance: f64) -> Self {
+    pub(super) fn new(code_size: usize, tolerance: f64) -> Self {
         let mut basis = vec![0.0; code_size * GENERIC_SIZE];
         for axis in 0..code_size {
             basis[axis * GENERIC_SIZE + axis] = 1.0;

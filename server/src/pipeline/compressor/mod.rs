@@ -1,13 +1,13 @@
 //! Two-stage compression of language features (paper §4.2, "Two-Stage Online CLIP Compression").
 //!
-//! The first stage (D -> 32) is pre-trained and part of the bundle: [`generic`]. The second stage
+//! The first stage (D -> 32) is pre-trained and part of the bundle: `generic`. The second stage
 //! (32 -> 15) is learned online: [`OnlineStage`]. A keyframe keeps its 32-channel codes. Each
 //! 15-channel code belongs to a version of the online stage and is converted when the version
 //! increases ([`carry_over`]).
 
 mod config;
 mod dictionary;
-pub mod generic;
+pub(crate) mod generic;
 mod linear;
 mod mlp;
 mod online_stage;
@@ -15,11 +15,13 @@ mod rows;
 
 pub use super::network::GENERIC_SIZE;
 pub use config::{CompressorConfig, Stage};
-pub use linear::Linear;
-pub use mlp::Mlp;
 pub use online_stage::{OnlineStage, carry_over};
+
 #[cfg(test)]
 pub(crate) use rows::normalise_rows;
+
+use linear::Linear;
+use mlp::Mlp;
 
 /// The configured online stage, before any keyframe.
 pub fn online(config: &CompressorConfig) -> Box<dyn OnlineStage> {

@@ -97,7 +97,8 @@ fn converted_codes_stay_readable_and_unconverted_ones_do_not() {
         // Measured: carried 0.957 to 0.973, again 0.967 to 0.977, 11 to 13 versions.
         let linear = after_a_drive(&CompressorConfig::default(), &keyframes);
         assert!(linear.carried > 0.95 && linear.again >= linear.carried, "{linear:?}");
-        // The basis stops changing once it fits, and even codes that were not converted are readable.
+        // The basis stops changing once it fits, and even codes that were not converted are
+        // readable.
         assert!(linear.versions < KEYFRAMES as u64 / 4, "{linear:?}");
         assert!(linear.frozen > READABLE, "{linear:?}");
         let mlp = CompressorConfig { stage: Stage::Mlp, ..Default::default() };

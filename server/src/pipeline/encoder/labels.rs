@@ -1,9 +1,9 @@
 //! Language from the labels that come with a frame.
 //!
-//! In: the [`Labels`] of a frame. Out: a generic code for each label, and the label of each cell of a
-//! grid. Each text is embedded and compressed (D -> 32) once. A cell takes the majority label of its
-//! pixels, on ties the smallest; this is wrong for the fewest pixels. Label 0, "none", has a code of
-//! zeros: no language.
+//! In: the [`Labels`] of a frame. Out: a generic code for each label, and the label of each cell of
+//! a grid. Each text is embedded and compressed (D -> 32) once. A cell takes the majority label of
+//! its pixels, on ties the smallest; this is wrong for the fewest pixels. Label 0, "none", has a
+//! code of zeros: no language.
 
 use super::error::LanguageError;
 use crate::pipeline::compressor::GENERIC_SIZE;
@@ -98,8 +98,8 @@ impl LabelCodes {
     }
 }
 
-/// Columns and rows of the grid over an image of (width, height). Cells are squares of whole pixels,
-/// as small as gives at most `columns` columns.
+/// Columns and rows of the grid over an image of (width, height). Cells are squares of whole
+/// pixels, as small as gives at most `columns` columns.
 pub(super) fn size((width, height): (usize, usize), columns: usize) -> [usize; 2] {
     let side = width.div_ceil(columns).max(1);
     [width.div_ceil(side), height.div_ceil(side)]

@@ -1,5 +1,6 @@
 //! Resampling of images. Shrinking uses a triangle filter as wide as the scale, or, without
-//! antialiasing, bilinear interpolation. Growing is bilinear. Source and result cover the same area.
+//! antialiasing, bilinear interpolation. Growing is bilinear. Source and result cover the same
+//! area.
 
 use rayon::prelude::*;
 

@@ -1,7 +1,7 @@
 //! Finds the bundle and ONNX Runtime's library on disk.
 //!
-//! In: configured paths. Out: existing paths. Relative paths are looked up in the working directory,
-//! then beside the executable and in each folder above it. Nothing is loaded here.
+//! In: configured paths. Out: existing paths. Relative paths are looked up in the working
+//! directory, then beside the executable and in each folder above it. Nothing is loaded here.
 
 use std::path::{Path, PathBuf};
 

@@ -16,7 +16,8 @@ pub struct VisionNetworks {
     pub grid: [usize; 2],
 }
 
-/// `[1, 3, height, width]` -> generic codes `[1, 32, grid height, grid width]`, unit length over 32.
+/// `[1, 3, height, width]` -> generic codes `[1, 32, grid height, grid width]`, unit length over
+/// 32.
 pub enum VisionStages {
     /// One graph.
     EndToEnd {

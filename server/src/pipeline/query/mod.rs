@@ -1,8 +1,8 @@
 //! Answers to questions about a map: "Where is the coffee cup?"
 //!
-//! In: a [`MapSnapshot`] and a request. Out: for a [`Query`] an [`Answer`], with heat map and boxes of
-//! one view, or points and objects in space; for a [`SegmentationRequest`] a [`Segmentation`]; for a
-//! [`RenderRequest`] a [`RenderedImage`]; and a [`Mesh`].
+//! In: a [`MapSnapshot`] and a request. Out: for a [`Query`] an [`Answer`], with heat map and boxes
+//! of one view, or points and objects in space; for a [`SegmentationRequest`] a [`Segmentation`];
+//! for a [`RenderRequest`] a [`RenderedImage`]; and a [`Mesh`].
 //!
 //! One thread ([`QueryThread`]) owns the text networks and a renderer of its own. It only reads
 //! snapshots, never a live map.
@@ -35,10 +35,11 @@ pub use answer::{
 };
 pub use config::QueryConfig;
 pub use error::QueryError;
-pub use limits::{
-    DEFAULT_VOXEL_METRES, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, MAX_VIEW_SIDE, VOXEL_METRES,
+pub(crate) use limits::{
+    DEFAULT_VOXEL_METRES, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, MAX_VIEW_SIDE,
 };
-pub use mesh::{Mesh, mesh};
+pub use mesh::Mesh;
+pub(crate) use mesh::mesh;
 pub use request::{
     Bounds, Channel, Outputs, Query, RenderRequest, SegmentationRequest, SpatialFilter, View,
 };

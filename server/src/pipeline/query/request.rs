@@ -9,8 +9,7 @@ use nalgebra::{Isometry3, Point3};
 /// A question in plain words: where is it?
 #[derive(Clone, Debug)]
 pub struct Query {
-    /// Text of what is looked for: not empty, at most
-    /// [`MAX_TEXT_BYTES`](super::MAX_TEXT_BYTES) long.
+    /// Text of what is looked for: not empty, at most 1024 bytes long.
     pub text: String,
     /// Negative texts; empty: the bundle's canonical negatives.
     pub negatives: Vec<String>,
@@ -32,7 +31,7 @@ pub struct Query {
 /// An open-vocabulary segmentation: which of several texts does each pixel or Gaussian match best?
 #[derive(Clone, Debug)]
 pub struct SegmentationRequest {
-    /// Texts of the labels: 2 to [`MAX_TEXTS`](super::MAX_TEXTS), all different.
+    /// Texts of the labels: 2 to 32, all different.
     pub texts: Vec<String>,
     /// Negative texts; empty: the bundle's canonical negatives.
     pub negatives: Vec<String>,

@@ -25,8 +25,8 @@ fn bundle() -> TextNetworks {
     Bundle::load(&LanguageConfig::default()).expect("models/tiny is part of the project").split().1
 }
 
-/// A generic code that is decoded to nearly the embedding of a word, by random search in a shrinking
-/// neighbourhood. Not all bundles have an encoder for single features.
+/// A generic code that is decoded to nearly the embedding of a word, by random search in a
+/// shrinking neighbourhood. Not all bundles have an encoder for single features.
 fn code_of(text: &mut TextNetworks, word: &str) -> Vec<f32> {
     const TRIED: usize = 512;
     let mut random = ChaCha8Rng::seed_from_u64(1);

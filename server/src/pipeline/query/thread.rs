@@ -80,7 +80,8 @@ impl QueryThread {
         self.run(move |worker| worker.render(&snapshot, &request)).await
     }
 
-    /// Relevancies, 0..1, of codes `[n, code_size]` of the snapshot to a query; 0 for codes of zeros.
+    /// Relevancies, 0..1, of codes `[n, code_size]` of the snapshot to a query; 0 for codes of
+    /// zeros.
     ///
     /// # Errors
     /// [`QueryError`] names the field at fault, or the failure.
@@ -93,8 +94,9 @@ impl QueryThread {
         self.run(move |worker| worker.relevancies(&snapshot, &codes, &query)).await
     }
 
-    /// A function that embeds texts on the query thread, for other threads of the pipeline. It blocks,
-    /// so the query thread itself must not call it. It does not keep the query thread alive.
+    /// A function that embeds texts on the query thread, for other threads of the pipeline. It
+    /// blocks, so the query thread itself must not call it. It does not keep the query thread
+    /// alive.
     pub fn embedder(&self) -> Embed {
         let queue = self.queue().downgrade();
         Box::new(move |text| {

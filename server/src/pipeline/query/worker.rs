@@ -148,7 +148,8 @@ impl Worker {
         render::render(&mut self.scene, &mut self.palettes, snapshot, request)
     }
 
-    /// Relevancies, 0..1, of codes `[n, code_size]` of the snapshot to a query; 0 for codes of zeros.
+    /// Relevancies, 0..1, of codes `[n, code_size]` of the snapshot to a query; 0 for codes of
+    /// zeros.
     pub(super) fn relevancies(
         &mut self,
         snapshot: &MapSnapshot,

@@ -1,14 +1,14 @@
 //! Super-resolution decoder (paper §4.1, "High-Resolution CLIP Embedding").
 //!
-//! In: coarse features and skip connections of the image encoder. Out: one feature per grid cell. The
-//! architecture is the bundle's. The decoder can be replaced by bilinear interpolation of the coarse
-//! features, for the paper's ablation.
+//! In: coarse features and skip connections of the image encoder. Out: one feature per grid cell.
+//! The architecture is the bundle's. The decoder can be replaced by bilinear interpolation of the
+//! coarse features, for the paper's ablation.
 
 use super::bilinear;
 use super::network::{Network, NetworkError, Tensor};
 
 /// Upsamples coarse features to the grid.
-pub struct SuperResolution {
+pub(super) struct SuperResolution {
     network: Network,
     /// Rows and columns for bilinear interpolation; `None`: the network runs.
     interpolated_to: Option<[usize; 2]>,
@@ -17,7 +17,7 @@ pub struct SuperResolution {
 impl SuperResolution {
     /// Wraps the bundle's network with its output's rows and columns. If it is not `used`, coarse
     /// features are interpolated instead.
-    pub fn new(network: Network, grid: [usize; 2], used: bool) -> Self {
+    pub(super) fn new(network: Network, grid: [usize; 2], used: bool) -> Self {
         Self { network, interpolated_to: (!used).then_some(grid) }
     }
 
@@ -25,7 +25,10 @@ impl SuperResolution {
     ///
     /// # Errors
     /// [`NetworkError`] if the network fails.
-    pub fn upsample(&mut self, coarse_and_skips: &[Tensor]) -> Result<[Tensor; 1], NetworkError> {
+    pub(super) fn upsample(
+        &mut self,
+        coarse_and_skips: &[Tensor],
+    ) -> Result<[Tensor; 1], NetworkError> {
         if let Some(grid) = self.interpolated_to {
             return Ok([interpolated(&coarse_and_skips[0], grid)]);
         }

@@ -4,9 +4,9 @@
 //! itself and one for each of a few earlier keyframes, drawn at random, against forgetting. Samples
 //! of at most [`KEPT_KEYFRAMES`] keyframes are kept for that.
 //!
-//! Each step moves the code space a little. Existing codes are converted by the affine map that best
-//! takes the old codes of the kept samples to their new codes. To decode and encode again instead
-//! would add the network's reconstruction error at each step.
+//! Each step moves the code space a little. Existing codes are converted by the affine map that
+//! best takes the old codes of the kept samples to their new codes. To decode and encode again
+//! instead would add the network's reconstruction error at each step.
 
 mod affine_map;
 mod net;
@@ -32,7 +32,7 @@ const BATCH: usize = 2048;
 
 /// The online auto-encoder and its optimiser.
 #[derive(Clone)]
-pub struct Mlp {
+pub(super) struct Mlp {
     net: Net,
     adam: Adam,
     random: ChaCha8Rng,
@@ -47,7 +47,7 @@ pub struct Mlp {
 
 impl Mlp {
     /// The state before any keyframe, with random weights.
-    pub fn new(config: &CompressorConfig) -> Self {
+    pub(super) fn new(config: &CompressorConfig) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(config.seed);
         let net = Net::new(config.code_size, &mut random);
         let adam = Adam::new(config.learning_rate, net.parameters.len());

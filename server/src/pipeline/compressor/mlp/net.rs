@@ -1,8 +1,9 @@
 //! The auto-encoder: four linear layers with forward and backward pass, and Adam.
 //!
-//! 32 -> 24 -> ReLU -> k -> unit length | unit length -> 24 -> ReLU -> 32 -> unit length. The loss is
-//! the mean of |x - y| over entries plus 0.6 times the mean of 1 - cos(x, y) over rows (paper eq. 4).
-//! All numbers are f64: the network is small, and gradients can be tested with finite differences.
+//! 32 -> 24 -> ReLU -> k -> unit length | unit length -> 24 -> ReLU -> 32 -> unit length. The loss
+//! is the mean of |x - y| over entries plus 0.6 times the mean of 1 - cos(x, y) over rows (paper
+//! eq. 4). All numbers are f64: the network is small, and gradients can be tested with finite
+//! differences.
 
 use crate::pipeline::network::GENERIC_SIZE;
 use rand::Rng;

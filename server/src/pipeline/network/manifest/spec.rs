@@ -25,8 +25,8 @@ pub struct ImageSpec {
     pub mean: [f32; 3],
     /// Each channel is divided by this after the subtraction.
     pub std: [f32; 3],
-    /// Whether images are shrunk with an antialiasing filter. False suits networks that were trained
-    /// on plain bilinear samples.
+    /// Whether images are shrunk with an antialiasing filter. False suits networks that were
+    /// trained on plain bilinear samples.
     #[serde(default = "antialias_by_default")]
     pub antialias: bool,
 }

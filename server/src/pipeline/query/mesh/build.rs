@@ -20,12 +20,13 @@ const TSDF_MIB: usize = 768;
 /// The most keyframes that are fused. Of more, a regular subset is used.
 const MAX_VIEWS: usize = 240;
 
-/// Builds the mesh of a snapshot on a thread of its own. Dropping the future stops it at the next view.
+/// Builds the mesh of a snapshot on a thread of its own. Dropping the future stops it at the next
+/// view.
 ///
 /// # Errors
-/// [`QueryError::BadVoxel`]; [`QueryError::MeshTooLarge`] if the surfaces do not fit into memory; or
-/// the error of the renderer or the thread.
-pub async fn mesh(
+/// [`QueryError::BadVoxel`]; [`QueryError::MeshTooLarge`] if the surfaces do not fit into memory;
+/// or the error of the renderer or the thread.
+pub(crate) async fn mesh(
     gpu: Gpu,
     snapshot: Arc<MapSnapshot>,
     voxel_metres: f32,

@@ -1,9 +1,10 @@
 //! The table of marching cubes (Lorensen and Cline 1987), computed instead of listed.
 //!
-//! Corner `c` of a cube lies at `(c & 1, c >> 1 & 1, c >> 2)`. A case is the set of corners inside the
-//! surface, one bit for each. On each face, a segment separates each run of adjacent inside corners.
-//! Both cubes of a face have the same segments, also on ambiguous faces, so that the surface of a
-//! closed volume is closed. Segments are joined to loops, and loops are triangulated as fans.
+//! Corner `c` of a cube lies at `(c & 1, c >> 1 & 1, c >> 2)`. A case is the set of corners inside
+//! the surface, one bit for each. On each face, a segment separates each run of adjacent inside
+//! corners. Both cubes of a face have the same segments, also on ambiguous faces, so that the
+//! surface of a closed volume is closed. Segments are joined to loops, and loops are triangulated
+//! as fans.
 
 /// The edges of a cube as pairs of corners: 4 along each axis.
 pub(super) const EDGES: [(usize, usize); 12] = edges();

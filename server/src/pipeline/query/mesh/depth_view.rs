@@ -37,8 +37,8 @@ impl DepthView {
     }
 }
 
-/// Renders the map from a keyframe. Neighbouring depths that differ by more than `max_step_metres` are
-/// an edge.
+/// Renders the map from a keyframe. Neighbouring depths that differ by more than `max_step_metres`
+/// are an edge.
 pub(super) fn render(
     scene: &mut Scene,
     snapshot: &MapSnapshot,
@@ -59,8 +59,8 @@ pub(super) fn render(
     Ok(DepthView { camera, depth, rgb })
 }
 
-/// Depths without those at depth edges, where blending creates points between two surfaces, and without
-/// those far away.
+/// Depths without those at depth edges, where blending creates points between two surfaces, and
+/// without those far away.
 pub(super) fn without_edges(depth: &[f32], width: usize, max_step_metres: f32) -> Vec<f32> {
     let is_edge = |at: usize| {
         let (here, column) = (depth[at], at % width);

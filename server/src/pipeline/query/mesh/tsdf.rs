@@ -1,9 +1,10 @@
 //! Truncated signed distance field (Curless and Levoy 1996; KinectFusion).
 //!
 //! In: depths in metres and colors of views. Only blocks of 8x8x8 voxels near surfaces are stored,
-//! within a limit of memory. The distance of a voxel is measured from its centre to the surface along
-//! the camera's z axis, divided by the truncation, and averaged over views with equal weights. It is
-//! positive in front of the surface. Voxels farther behind it than the truncation are not updated.
+//! within a limit of memory. The distance of a voxel is measured from its centre to the surface
+//! along the camera's z axis, divided by the truncation, and averaged over views with equal
+//! weights. It is positive in front of the surface. Voxels farther behind it than the truncation
+//! are not updated.
 
 use super::depth_view::DepthView;
 use nalgebra::Point3;
@@ -14,8 +15,8 @@ use std::collections::HashMap;
 pub(super) const SIDE: usize = 8;
 /// Voxels in a block.
 const BLOCK: usize = SIDE * SIDE * SIDE;
-/// Truncation in voxels. The paper's code has five; rendered depth is smooth, and four separates thin
-/// objects better.
+/// Truncation in voxels. The paper's code has five; rendered depth is smooth, and four separates
+/// thin objects better.
 const TRUNCATION_VOXELS: f32 = 4.0;
 /// Distance of the points along a ray at which blocks are allocated, voxels.
 const RAY_STEP_VOXELS: f32 = 2.0;

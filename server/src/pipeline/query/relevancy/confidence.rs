@@ -1,12 +1,12 @@
 //! From relevancies to the confidence that the map contains what was asked for.
 //!
-//! The score of an answer is the k-th largest relevancy, with k the number of pixels of the smallest
-//! component or of Gaussians of the smallest object: fewer are noise. A logistic curve (Platt scaling)
-//! turns it into the confidence 1 / (1 + exp(-s (score - p))). p and s are `present_threshold` and
-//! `confidence_steepness` of the bundle's manifest. If they were fitted (`lexsplat evaluate
-//! --language` prints the fit), the confidence is the probability that the answer is right; if not, it
-//! only orders answers. The threshold of the query has no influence, so that confidences of different
-//! answers are comparable.
+//! The score of an answer is the k-th largest relevancy, with k the number of pixels of the
+//! smallest component or of Gaussians of the smallest object: fewer are noise. A logistic curve
+//! (Platt scaling) turns it into the confidence 1 / (1 + exp(-s (score - p))). p and s are
+//! `present_threshold` and `confidence_steepness` of the bundle's manifest. If they were fitted
+//! (`lexsplat evaluate --language` prints the fit), the confidence is the probability that the
+//! answer is right; if not, it only orders answers. The threshold of the query has no influence, so
+//! that confidences of different answers are comparable.
 
 /// Steepness of bundles without one: a score 0.1 above the midpoint has a confidence of 0.88.
 const DEFAULT_STEEPNESS: f32 = 20.0;
@@ -25,8 +25,8 @@ impl Calibration {
         Self { midpoint, steepness: steepness.unwrap_or(DEFAULT_STEEPNESS) }
     }
 
-    /// Confidence, 0..1, from the `least`-th largest relevancy; 0 if there are fewer. Relevancies of
-    /// 0 mean "no language" and do not count.
+    /// Confidence, 0..1, from the `least`-th largest relevancy; 0 if there are fewer. Relevancies
+    /// of 0 mean "no language" and do not count.
     pub(in crate::pipeline::query) fn confidence(
         &self,
         relevancies: impl Iterator<Item = f32>,

@@ -1,9 +1,9 @@
 //! Dot products of many features with a few embeddings.
 //!
-//! A general matrix product first packs all features into its own layout. With a few embeddings this
-//! copy dominates (profiled: 41 % of a 3D query, against 8 % for the products). Here each feature is
-//! read once for all embeddings. The limit is then memory bandwidth, so cached features are stored as
-//! bf16, which changes a cosine by less than 0.001.
+//! A general matrix product first packs all features into its own layout. With a few embeddings
+//! this copy dominates (profiled: 41 % of a 3D query, against 8 % for the products). Here each
+//! feature is read once for all embeddings. The limit is then memory bandwidth, so cached features
+//! are stored as bf16, which changes a cosine by less than 0.001.
 
 use half::bf16;
 use ndarray::Array2;

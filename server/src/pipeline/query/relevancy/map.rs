@@ -23,8 +23,8 @@ impl RelevancyMap {
         Self { width, height, values }
     }
 
-    /// The mean over a square of `side` pixels. Beyond its border the image is mirrored at the border
-    /// pixels ("reflect 101"). An even square extends one pixel further to the left and up.
+    /// The mean over a square of `side` pixels. Beyond its border the image is mirrored at the
+    /// border pixels ("reflect 101"). An even square extends one pixel further to the left and up.
     pub(in crate::pipeline::query) fn smoothed(&self, side: usize) -> Self {
         if side <= 1 {
             return self.clone();

@@ -1,8 +1,8 @@
 //! Embedded texts that features are compared with (paper §5; the relevancy of LERF).
 //!
-//! relevancy(q) = min over negatives n of exp(t f·q) / (exp(t f·q) + exp(t f·n + b)), with feature f,
-//! text q and negatives n of unit length, and the bundle's temperature t and bias b (10 and 0 in the
-//! paper). It is 0.5 where f·q exceeds the greatest f·n by b / t.
+//! relevancy(q) = min over negatives n of exp(t f·q) / (exp(t f·q) + exp(t f·n + b)), with feature
+//! f, text q and negatives n of unit length, and the bundle's temperature t and bias b (10 and 0 in
+//! the paper). It is 0.5 where f·q exceeds the greatest f·n by b / t.
 //!
 //! A query has one text. In a segmentation several texts share the negatives, so that the most
 //! relevant text is the nearest one.

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
-/// Share of the points at each end of an axis that lie outside the box, so that a few outliers do not
-/// enlarge it.
+/// Share of the points at each end of an axis that lie outside the box, so that a few outliers do
+/// not enlarge it.
 const TRIMMED: f32 = 0.01;
 
 /// Both boxes of a set of points, metres.

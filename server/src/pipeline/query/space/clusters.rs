@@ -1,10 +1,10 @@
 //! Clusters of Gaussians: DBSCAN (Ester et al. 1996) over balls.
 //!
-//! The distance of two Gaussians is the gap between their balls. It follows their sizes: a thing seen
-//! from afar has few large Gaussians, a thing seen from near many small ones. A core point has at
-//! least three neighbours within eps, itself included. Connected core points are one cluster. Other
-//! points join the cluster of their nearest core point, or are noise. Clusters with too few members
-//! are noise, too.
+//! The distance of two Gaussians is the gap between their balls. It follows their sizes: a thing
+//! seen from afar has few large Gaussians, a thing seen from near many small ones. A core point has
+//! at least three neighbours within eps, itself included. Connected core points are one cluster.
+//! Other points join the cluster of their nearest core point, or are noise. Clusters with too few
+//! members are noise, too.
 
 use super::neighbours::Neighbours;
 use rayon::prelude::*;

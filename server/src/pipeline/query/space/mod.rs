@@ -1,5 +1,5 @@
-//! Questions about the whole map: the codes of all Gaussians are decoded and compared with the texts,
-//! and relevant Gaussians are clustered to objects.
+//! Questions about the whole map: the codes of all Gaussians are decoded and compared with the
+//! texts, and relevant Gaussians are clustered to objects.
 
 mod boxes;
 mod clusters;

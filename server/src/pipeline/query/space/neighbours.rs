@@ -2,9 +2,9 @@
 //!
 //! In: Gaussians and eps. Out: neighbours, core points, connected components of core points.
 //!
-//! Gaussians are grouped into blocks so small that all Gaussians of a block are neighbours. The cost
-//! of dense regions then depends on the number of blocks and not on the number of pairs. Blocks are
-//! stored in one grid for each level of radius.
+//! Gaussians are grouped into blocks so small that all Gaussians of a block are neighbours. The
+//! cost of dense regions then depends on the number of blocks and not on the number of pairs.
+//! Blocks are stored in one grid for each level of radius.
 
 use super::gaussian::RelevantGaussian;
 use crate::pipeline::query::disjoint_sets::DisjointSets;

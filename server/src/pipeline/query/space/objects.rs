@@ -1,8 +1,8 @@
 //! Objects: clusters of relevant Gaussians with a score and a box.
 //!
-//! Clustering runs twice. The score of the best first cluster sets the relevancy that core points of
-//! the second run must have. Otherwise separate things on a slightly relevant surface (chairs on a
-//! carpet) would be one object.
+//! Clustering runs twice. The score of the best first cluster sets the relevancy that core points
+//! of the second run must have. Otherwise separate things on a slightly relevant surface (chairs on
+//! a carpet) would be one object.
 
 use super::boxes;
 use super::clusters::{ClusterLimits, clusters};
@@ -10,12 +10,12 @@ use super::gaussian::RelevantGaussian;
 use super::neighbours::Neighbours;
 use crate::pipeline::query::answer::Object;
 
-/// Least score of core points, as a share of [`ObjectLimits::score`]. A smaller share would join the
-/// chairs with the carpet, a larger one would split the seat of a chair from its back.
+/// Least score of core points, as a share of [`ObjectLimits::score`]. A smaller share would join
+/// the chairs with the carpet, a larger one would split the seat of a chair from its back.
 const CORE_SHARE: f32 = 0.5;
 
-/// Which clusters are reported beside the best one: small or doubtful ones are mostly parts of similar
-/// things.
+/// Which clusters are reported beside the best one: small or doubtful ones are mostly parts of
+/// similar things.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ObjectLimits {
     /// Relevancy that all Gaussians exceed.

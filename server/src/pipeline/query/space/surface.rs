@@ -1,7 +1,7 @@
 //! Points on the surface of relevant Gaussians.
 //!
-//! In: relevant Gaussians of a map. Out: points at even distances on their disks. On an even surface
-//! one Gaussian covers a large area, of which its centre alone would not show the extent.
+//! In: relevant Gaussians of a map. Out: points at even distances on their disks. On an even
+//! surface one Gaussian covers a large area, of which its centre alone would not show the extent.
 
 use super::gaussian::RelevantGaussian;
 use crate::pipeline::query::answer::ScoredPoint;
@@ -12,8 +12,8 @@ use rustc_hash::FxHashMap as HashMap;
 
 /// Distance of the points, metres: the side of a voxel in the paper's 3D protocol.
 const SPACING_METRES: f32 = 0.02;
-/// Radius of a disk, standard deviations: that of a new Gaussian covers its square of pixels, except
-/// for the corners.
+/// Radius of a disk, standard deviations: that of a new Gaussian covers its square of pixels,
+/// except for the corners.
 const DEVIATIONS: f32 = 1.3;
 /// The most points from the centre of a disk to its border. Larger disks are sampled more sparsely.
 const MAX_STEPS: i32 = 25;

@@ -84,7 +84,8 @@ fn two_blobs_with_noise_are_two_objects() {
     assert_eq!(kept.len(), 600);
     assert!(kept.iter().all(|&at| points[at].point.score < 0.95), "noise has 0.99");
 
-    // Negative controls: with a larger eps they are one object; a minimum of a thousand leaves none.
+    // Negative controls: with a larger eps they are one object; a minimum of a thousand leaves
+    // none.
     let merged = objects(&points, ClusterLimits { eps_metres: 0.8, min_members: 8 });
     assert!(merged.iter().any(|object| object.points == 600), "{merged:?}");
     assert!(objects(&points, ClusterLimits { eps_metres: 0.08, min_members: 1000 }).is_empty());

@@ -28,8 +28,8 @@ impl TextEmbedder {
         Self { tower, scale, canonical_negatives: negatives, cache }
     }
 
-    /// Embeds texts and negatives; without negatives, the bundle's. `field` is the name of the texts
-    /// in the request.
+    /// Embeds texts and negatives; without negatives, the bundle's. `field` is the name of the
+    /// texts in the request.
     pub(in crate::pipeline::query) fn prompts(
         &mut self,
         field: &'static str,

@@ -1,7 +1,7 @@
 //! Decoded features of one view.
 //!
-//! Codes are rendered at about the resolution of the paper's labels: finer ones would add no detail,
-//! and the cost of decoding grows with the number of pixels.
+//! Codes are rendered at about the resolution of the paper's labels: finer ones would add no
+//! detail, and the cost of decoding grows with the number of pixels.
 
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::query::answer::Timing;
@@ -37,8 +37,8 @@ impl ViewFeatures {
         self.pixels.len() as f32 / (self.width * self.height) as f32
     }
 
-    /// For each text the relevancy of each pixel at the size of the view, not smoothed; 0 where there
-    /// is no language.
+    /// For each text the relevancy of each pixel at the size of the view, not smoothed; 0 where
+    /// there is no language.
     pub(in crate::pipeline::query) fn relevancy(
         &self,
         prompts: &Prompts,
