@@ -11,7 +11,7 @@ use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
 use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
-use crate::pipeline::range::{self, OutOfRange};
+use crate::pipeline::range::OutOfRange;
 use crate::pipeline::tracker::TrackerConfig;
 use crate::telemetry::TelemetryConfig;
 use figment::Figment;
@@ -152,17 +152,8 @@ impl Config {
         self.language.check()?;
         self.compressor.check()?;
         self.query.check()?;
-        let backdrop = self.mapper.insert_backdrop;
-        range::require(
-            backdrop == 0.0 || (backdrop > 1.0 && backdrop.is_finite()),
-            "mapper.insert_backdrop",
-            backdrop,
-            "0, or more than 1: behind what was measured",
-        )?;
-        range::at_least("tracker.photometric_weight", self.tracker.photometric_weight, 0.0)?;
-        range::at_least("tracker.geometric_weight", self.tracker.geometric_weight, 0.0)?;
-        range::at_least("tracker.depth_noise", self.tracker.depth_noise, 0.0)?;
-        range::at_least("tracker.correlated_pixels", self.tracker.correlated_pixels, 0.0)?;
+        self.tracker.check()?;
+        self.mapper.check()?;
         Ok(())
     }
 
@@ -231,6 +222,7 @@ mod tests {
 
     const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");
     const TINY_TOML: &str = include_str!("../../configs/tiny.toml");
+    const PAPER_TOML: &str = include_str!("../../configs/paper.toml");
 
     fn parse(text: &str) -> Result<Config, ConfigError> {
         let provider = Figment::from(Toml::string(text));
@@ -277,8 +269,10 @@ mod tests {
     }
 
     #[test]
-    fn tiny_toml_is_accepted() {
-        parse(TINY_TOML).unwrap().check().unwrap();
+    fn shipped_files_are_accepted() {
+        for text in [TINY_TOML, PAPER_TOML] {
+            parse(text).unwrap().check().unwrap();
+        }
     }
 
     #[test]
@@ -307,12 +301,14 @@ mod tests {
     #[test]
     fn every_section_is_checked() {
         type Change = fn(&mut Config);
-        let refused: [(&str, Change); 5] = [
+        let refused: [(&str, Change); 7] = [
             ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
             ("http.event_backlog", |c| c.http.event_backlog = 0),
             ("language.queue", |c| c.language.queue = 0),
             ("compressor.code_size", |c| c.compressor.code_size = 33),
             ("query.object_score", |c| c.query.object_score = f32::NAN),
+            ("tracker.width", |c| c.tracker.width = 0),
+            ("mapper.window", |c| c.mapper.window = 0),
         ];
         for (key, change) in refused {
             let mut config = Config::default();

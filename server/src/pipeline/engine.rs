@@ -1,4 +1,4 @@
-//! Everything behind the edges: the adapter, the bundle, the maps and the threads that serve them.
+//! Starts and owns everything behind the edges: the adapter, the networks, the maps and their threads.
 
 use super::compressor::CompressorConfig;
 use super::encoder::{LanguageConfig, LanguageThread};
@@ -17,19 +17,19 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
-/// The longest name of a map.
+/// Longest name of a map.
 const MAX_NAME_BYTES: usize = 64;
 
 /// The settings of the stages.
 #[derive(Clone, Debug, Default)]
 pub struct PipelineConfig {
-    /// Substring of the adapter's name; `None`: the best there is.
+    /// Part of the adapter's name; `None`: the fastest adapter.
     pub adapter: Option<String>,
-    /// Networks.
+    /// The vision networks.
     pub language: LanguageConfig,
-    /// The online stage.
+    /// The online compressor.
     pub compressor: CompressorConfig,
-    /// Estimated poses.
+    /// The tracker.
     pub tracker: TrackerConfig,
     /// The mapper.
     pub mapper: MapperConfig,
@@ -40,13 +40,13 @@ pub struct PipelineConfig {
 /// Why the server cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// No device to render on.
+    /// There is no usable adapter.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// No networks.
+    /// The bundle of networks cannot be loaded.
     #[error(transparent)]
     Bundle(#[from] BundleError),
-    /// No thread.
+    /// The system has no thread left.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
 }
@@ -56,7 +56,7 @@ struct Running {
     thread: JoinHandle<()>,
 }
 
-/// The running pipeline: share it with `Arc`.
+/// The running pipeline. Share it with `Arc`.
 pub struct Engine {
     config: PipelineConfig,
     gpu: Gpu,
@@ -65,15 +65,15 @@ pub struct Engine {
     query: QueryThread,
     maps: Mutex<BTreeMap<String, Running>>,
     creating: Mutex<()>,
-    /// One mesh at a time: each takes much memory and every core.
+    /// Held while a mesh is made: one at a time, because each takes much memory and all cores.
     meshing: tokio::sync::Mutex<()>,
 }
 
 impl Engine {
-    /// Opens the adapter, loads the bundle, starts the language and the query thread.
+    /// Opens the adapter, loads the bundle and starts the language and the query thread.
     ///
     /// # Errors
-    /// [`StartError`] says what is missing and what to do about it.
+    /// [`StartError`] names what is missing and what to do about it.
     pub fn start(config: PipelineConfig) -> Result<Self, StartError> {
         let gpu = Gpu::new(config.adapter.as_deref())?;
         let bundle = Bundle::load(&config.language)?;
@@ -108,15 +108,15 @@ impl Engine {
         self.maps.lock().expect("no thread panics while it holds the list of maps")
     }
 
-    /// Makes a map and starts its mapper.
+    /// Creates a map and starts its thread.
     ///
     /// # Errors
     /// [`MapError::InvalidName`], [`MapError::AlreadyExists`], [`MapError::TooMany`],
-    /// [`MapError::Failed`] when its thread or its device memory cannot be had.
+    /// [`MapError::Failed`] if there is no thread or no device memory for it.
     pub fn create(&self, name: &str) -> Result<Arc<Map>, MapError> {
         check_name(name)?;
-        // One at a time, so that a name stays free while its mapper starts; that takes a second, in
-        // which the list of maps stays open to readers.
+        // One map at a time, so that its name stays free while its thread starts. That takes a second, during
+        // which the list of maps stays readable.
         let _turn = self.creating.lock().expect("no thread panics while it makes a map");
         let limit = self.config.mapper.max_maps;
         {
@@ -136,7 +136,7 @@ impl Engine {
         Ok(map)
     }
 
-    /// The map, made if it is not there.
+    /// The map of this name; it is created if there is none.
     ///
     /// # Errors
     /// As [`Engine::create`], but never [`MapError::AlreadyExists`].
@@ -162,7 +162,7 @@ impl Engine {
         self.locked().values().map(|running| running.map.clone()).collect()
     }
 
-    /// Stops the map's mapper and forgets the map. Frames in its queue are not mapped.
+    /// Stops a map's thread and removes the map. Frames in its queue are not mapped.
     ///
     /// # Errors
     /// [`MapError::NotFound`].
@@ -182,7 +182,7 @@ impl Engine {
         self.query_snapshot(map.snapshot(), query).await
     }
 
-    /// Answers a question from a snapshot that somebody kept (or changed).
+    /// Answers a question from a given snapshot.
     ///
     /// # Errors
     /// As [`Engine::query`].
@@ -218,8 +218,8 @@ impl Engine {
         self.query.render(map.snapshot(), request).await
     }
 
-    /// The snapshot as triangles, with their relevancies to a question if there is one. One after
-    /// the other; dropping the future ends it.
+    /// Makes a mesh of a snapshot, with the relevancy of each vertex if there is a question. Dropping the
+    /// future cancels it.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the voxel or the question.
@@ -238,7 +238,7 @@ impl Engine {
         Ok(mesh)
     }
 
-    /// Lets every mapper finish the frames in its queue, then stops it.
+    /// Lets every map finish the frames in its queue and stops its thread.
     pub async fn shutdown(&self) {
         let running = std::mem::take(&mut *self.locked());
         for (_, running) in running {

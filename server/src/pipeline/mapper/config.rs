@@ -1,62 +1,73 @@
-//! The mapper's settings, section `[mapper]`.
+//! Settings of the mapper, section `[mapper]`.
 
+use super::super::range::{OutOfRange, at_least, require, within};
 use serde::{Deserialize, Serialize};
 
-/// How the map is built. Constants of the paper's code are in brackets where ours differ.
+/// Most frames that a queue holds.
+const MAX_QUEUE: usize = 1 << 16;
+/// Most mebibytes of a budget: one tebibyte.
+const MAX_MIB: u64 = 1 << 20;
+/// Largest learning rate. One step of Adam moves a parameter by about its rate.
+const MAX_RATE: f32 = 1.0;
+
+/// How the map is built. Values of the paper's code are in brackets where the defaults differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MapperConfig {
-    /// Maps on one server.
+    /// Most maps on one server.
     pub max_maps: usize,
-    /// Frames that may wait for the mapper; then their sender waits.
+    /// Frames that may wait for a map. When the queue is full their sender waits.
     pub queue_frames: usize,
-    /// When the optimiser works.
+    /// When optimiser steps are taken.
     pub clock: Clock,
-    /// Color and depth are optimised at this many columns at most (full size in the paper).
+    /// Color and depth are optimised at this many columns at most [full size].
     pub train_width: u32,
-    /// New keyframe: moved by more than this share of the median depth.
+    /// A frame becomes a keyframe if it moved by more than this share of the median depth,
     pub keyframe_translation: f64,
-    /// New keyframe: turned by more than this, radians.
+    /// or turned by more than this, radians,
     pub keyframe_rotation_radians: f64,
-    /// New keyframe: this share of what it shows is on no keyframe of the window.
+    /// or if more than this share of its surface is shown by no keyframe of the window.
     pub keyframe_novelty: f64,
-    /// New Gaussians: one per square of the optimised image, of this side where it is flat, pixels.
+    /// Side of the largest cell that gets one new Gaussian, pixels of the training image.
     pub insert_max_pixels: u32,
-    /// The side of the smallest square, where there is detail, pixels.
+    /// Side of the smallest such cell, pixels.
     pub insert_min_pixels: u32,
-    /// A square is halved where a channel differs by more than this (0..1).
+    /// A cell is divided if the range of a color channel in it is larger, 0 to 1.
     pub insert_detail: f32,
-    /// Insert where less than this is opaque.
+    /// Gaussians are inserted where the map's opacity is below this,
     pub insert_opacity: f32,
-    /// Insert where the map lies behind the measured depth by this share of it.
+    /// or where the map lies behind the measured depth by more than this share of it,
     pub insert_depth_error: f32,
-    /// Insert where the mean absolute color error is above this (0..1).
+    /// or where the mean absolute color error is above this, 0 to 1.
     pub insert_color_error: f32,
-    /// Where so many keyframes have shown a place from as near, only what is open is filled any more.
+    /// Where this many keyframes have shown a place from as near, Gaussians are inserted only if the map is
+    /// transparent there.
     pub insert_keyframes: usize,
-    /// What has color and no depth is put so many times as far as the farthest thing measured; 0: nowhere.
+    /// Distance of the backdrop (color without depth) in units of the largest depth that was measured; 0: no
+    /// backdrop.
     pub insert_backdrop: f32,
-    /// Gaussians at most; then nothing is inserted any more, and what is there goes on being improved.
+    /// Most Gaussians of a map. When it is reached none is inserted, and the existing ones are still
+    /// optimised.
     pub max_gaussians: usize,
-    /// Mebibytes that keyframes' pictures and codes take at most, the device's too; then the keyframe that
-    /// others show best is let go. Its Gaussians stay.
+    /// Mebibytes of keyframes' images and codes, on host and device together. Above it the keyframe that
+    /// the others show best is forgotten. Its Gaussians stay.
     pub max_keyframe_mib: u64,
-    /// Optimiser steps that each keyframe earns; taken when no frame waits.
+    /// Color steps of each keyframe, taken while no frame waits.
     pub steps_per_keyframe: usize,
-    /// Steps that are taken behind each frame even when others wait.
+    /// Steps taken after each frame even if others wait (clock `realtime`).
     pub steps_per_frame: usize,
-    /// What a frame shows is new if none of this many newest keyframes shows it.
+    /// Number of newest keyframes that decide whether a frame shows something new.
     pub window: usize,
-    /// Every how many steps language is optimised as well. A keyframe's language earns as many steps as this leaves
-    /// it of `steps_per_keyframe`, whenever it comes.
+    /// One in this many color steps also optimises language. A keyframe's language gets the same share of
+    /// `steps_per_keyframe`, whenever it arrives.
     pub language_every: usize,
-    /// Every how many steps transparent Gaussians are removed.
+    /// Transparent Gaussians are removed every this many steps.
     pub prune_every: usize,
-    /// A Gaussian goes when both heads' opacities are below this (0.7).
+    /// A Gaussian is removed if the opacities of both heads are below this [0.7].
     pub prune_opacity: f32,
-    /// Readers get a new snapshot at most this often while the map changes, seconds.
+    /// Least time between two snapshots while the map changes, seconds (clock `realtime`).
     pub snapshot_seconds: f64,
-    /// Which parameters of the two heads are one (none in the paper's full method; all: the joint
+    /// Parameters that the two heads share (none in the paper's method; all of them is the joint
     /// optimisation that it is compared with).
     pub ties: TiesConfig,
     /// Weights of the loss (paper §4.3).
@@ -65,14 +76,14 @@ pub struct MapperConfig {
     pub rates: RatesConfig,
 }
 
-/// When the optimiser works.
+/// When optimiser steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Clock {
-    /// Frames come first, steps while there are none.
+    /// Frames come first, steps are taken while none waits.
     Realtime,
-    /// A frame waits until the one before has its language and all its steps: the same input gives the
-    /// same map, bit for bit on one adapter, however fast it comes.
+    /// A frame waits until the keyframe before it has its language and all its steps. The same input then
+    /// gives the same map, bit for bit on one adapter.
     PerFrame,
 }
 
@@ -88,11 +99,11 @@ pub struct TiesConfig {
     pub opacity: bool,
 }
 
-/// Weights of the loss terms, each a mean.
+/// Weights of the loss terms. Each term is a mean.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LossConfig {
-    /// L1 of color.
+    /// L1 of color, channels 0 to 1.
     pub color: f32,
     /// L1 of depth, per metre.
     pub depth: f32,
@@ -100,7 +111,7 @@ pub struct LossConfig {
     pub language: f32,
     /// Distance of the color head's scales from their mean.
     pub isotropic: f32,
-    /// |S_f - sg(S_c)|: the language head's scales stay near the color head's.
+    /// |S_f - sg(S_c)|: distance of the language head's scales from the color head's.
     pub scale_tie: f32,
 }
 
@@ -116,7 +127,7 @@ pub struct RatesConfig {
     pub scale: f32,
     /// Opacity logits of the color head.
     pub opacity: f32,
-    /// Colors.
+    /// Colors, 0 to 1.
     pub color: f32,
     /// Quaternions of the language head.
     pub language_rotation: f32,
@@ -124,8 +135,75 @@ pub struct RatesConfig {
     pub language_scale: f32,
     /// Opacity logits of the language head.
     pub language_opacity: f32,
-    /// Codes.
+    /// Language codes.
     pub code: f32,
+}
+
+impl MapperConfig {
+    /// Checks the range of each number.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] names the first key that is out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        at_least("mapper.max_maps", self.max_maps, 1)?;
+        within("mapper.queue_frames", self.queue_frames, 1..=MAX_QUEUE)?;
+        at_least("mapper.train_width", self.train_width, 1)?;
+        at_least("mapper.keyframe_translation", self.keyframe_translation, 0.0)?;
+        at_least("mapper.keyframe_rotation_radians", self.keyframe_rotation_radians, 0.0)?;
+        within("mapper.keyframe_novelty", self.keyframe_novelty, 0.0..=1.0)?;
+        self.check_insertion()?;
+        within("mapper.max_keyframe_mib", self.max_keyframe_mib, 1..=MAX_MIB)?;
+        at_least("mapper.window", self.window, 1)?;
+        at_least("mapper.language_every", self.language_every, 1)?;
+        at_least("mapper.prune_every", self.prune_every, 1)?;
+        within("mapper.prune_opacity", self.prune_opacity, 0.0..=1.0)?;
+        at_least("mapper.snapshot_seconds", self.snapshot_seconds, 0.0)?;
+        self.loss.check()?;
+        self.rates.check()
+    }
+
+    fn check_insertion(&self) -> Result<(), OutOfRange> {
+        let [min, max] = [self.insert_min_pixels, self.insert_max_pixels];
+        at_least("mapper.insert_min_pixels", min, 1)?;
+        at_least("mapper.insert_max_pixels", max, min)?;
+        within("mapper.insert_detail", self.insert_detail, 0.0..=1.0)?;
+        within("mapper.insert_opacity", self.insert_opacity, 0.0..=1.0)?;
+        at_least("mapper.insert_depth_error", self.insert_depth_error, 0.0)?;
+        within("mapper.insert_color_error", self.insert_color_error, 0.0..=1.0)?;
+        let backdrop = self.insert_backdrop;
+        require(
+            backdrop == 0.0 || (backdrop > 1.0 && backdrop.is_finite()),
+            "mapper.insert_backdrop",
+            backdrop,
+            "0, or a finite number, more than 1",
+        )?;
+        at_least("mapper.max_gaussians", self.max_gaussians, 1)
+    }
+}
+
+impl LossConfig {
+    fn check(&self) -> Result<(), OutOfRange> {
+        at_least("mapper.loss.color", self.color, 0.0)?;
+        at_least("mapper.loss.depth", self.depth, 0.0)?;
+        at_least("mapper.loss.language", self.language, 0.0)?;
+        at_least("mapper.loss.isotropic", self.isotropic, 0.0)?;
+        at_least("mapper.loss.scale_tie", self.scale_tie, 0.0)
+    }
+}
+
+impl RatesConfig {
+    fn check(&self) -> Result<(), OutOfRange> {
+        let rate = |key, value| within(key, value, 0.0..=MAX_RATE);
+        rate("mapper.rates.mean", self.mean)?;
+        rate("mapper.rates.rotation", self.rotation)?;
+        rate("mapper.rates.scale", self.scale)?;
+        rate("mapper.rates.opacity", self.opacity)?;
+        rate("mapper.rates.color", self.color)?;
+        rate("mapper.rates.language_rotation", self.language_rotation)?;
+        rate("mapper.rates.language_scale", self.language_scale)?;
+        rate("mapper.rates.language_opacity", self.language_opacity)?;
+        rate("mapper.rates.code", self.code)
+    }
 }
 
 impl Default for MapperConfig {
@@ -181,5 +259,84 @@ impl Default for RatesConfig {
             language_opacity: 0.05,
             code: 5e-3,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::range::table::{Case, assert_checks};
+    use super::*;
+
+    const CASES: &[Case<MapperConfig>] = &[
+        ("mapper.max_maps", |c| c.max_maps = 0, |c| c.max_maps = 1),
+        ("mapper.queue_frames", |c| c.queue_frames = 0, |c| c.queue_frames = 1),
+        ("mapper.train_width", |c| c.train_width = 0, |c| c.train_width = 1),
+        (
+            "mapper.keyframe_translation",
+            |c| c.keyframe_translation = -0.1,
+            |c| c.keyframe_translation = 0.0,
+        ),
+        (
+            "mapper.keyframe_rotation_radians",
+            |c| c.keyframe_rotation_radians = f64::NAN,
+            |c| c.keyframe_rotation_radians = 0.0,
+        ),
+        ("mapper.keyframe_novelty", |c| c.keyframe_novelty = 1.1, |c| c.keyframe_novelty = 1.0),
+        ("mapper.insert_min_pixels", |c| c.insert_min_pixels = 0, |c| c.insert_min_pixels = 1),
+        ("mapper.insert_max_pixels", |c| c.insert_max_pixels = 0, |c| c.insert_max_pixels = 64),
+        ("mapper.insert_detail", |c| c.insert_detail = -0.1, |c| c.insert_detail = 0.0),
+        ("mapper.insert_opacity", |c| c.insert_opacity = 1.1, |c| c.insert_opacity = 1.0),
+        (
+            "mapper.insert_depth_error",
+            |c| c.insert_depth_error = f32::INFINITY,
+            |c| c.insert_depth_error = 0.0,
+        ),
+        (
+            "mapper.insert_color_error",
+            |c| c.insert_color_error = 1.1,
+            |c| c.insert_color_error = 1.0,
+        ),
+        ("mapper.insert_backdrop", |c| c.insert_backdrop = 1.0, |c| c.insert_backdrop = 0.0),
+        ("mapper.insert_backdrop", |c| c.insert_backdrop = -2.0, |c| c.insert_backdrop = 1.1),
+        ("mapper.max_gaussians", |c| c.max_gaussians = 0, |c| c.max_gaussians = 1),
+        ("mapper.max_keyframe_mib", |c| c.max_keyframe_mib = 0, |c| c.max_keyframe_mib = 1),
+        ("mapper.window", |c| c.window = 0, |c| c.window = 1),
+        ("mapper.language_every", |c| c.language_every = 0, |c| c.language_every = 1),
+        ("mapper.prune_every", |c| c.prune_every = 0, |c| c.prune_every = 1),
+        ("mapper.prune_opacity", |c| c.prune_opacity = f32::NAN, |c| c.prune_opacity = 0.7),
+        ("mapper.snapshot_seconds", |c| c.snapshot_seconds = -1.0, |c| c.snapshot_seconds = 0.0),
+        ("mapper.loss.color", |c| c.loss.color = -1.0, |c| c.loss.color = 0.0),
+        ("mapper.loss.depth", |c| c.loss.depth = f32::NAN, |c| c.loss.depth = 0.0),
+        ("mapper.loss.language", |c| c.loss.language = -1.0, |c| c.loss.language = 0.0),
+        ("mapper.loss.isotropic", |c| c.loss.isotropic = -1.0, |c| c.loss.isotropic = 0.0),
+        ("mapper.loss.scale_tie", |c| c.loss.scale_tie = -1.0, |c| c.loss.scale_tie = 0.0),
+        ("mapper.rates.mean", |c| c.rates.mean = -1e-3, |c| c.rates.mean = 0.0),
+        ("mapper.rates.rotation", |c| c.rates.rotation = 2.0, |c| c.rates.rotation = 1.0),
+        ("mapper.rates.scale", |c| c.rates.scale = f32::NAN, |c| c.rates.scale = 0.0),
+        ("mapper.rates.opacity", |c| c.rates.opacity = 2.0, |c| c.rates.opacity = 0.0),
+        ("mapper.rates.color", |c| c.rates.color = -1.0, |c| c.rates.color = 0.0),
+        (
+            "mapper.rates.language_rotation",
+            |c| c.rates.language_rotation = -1.0,
+            |c| c.rates.language_rotation = 0.0,
+        ),
+        (
+            "mapper.rates.language_scale",
+            |c| c.rates.language_scale = 2.0,
+            |c| c.rates.language_scale = 0.0,
+        ),
+        (
+            "mapper.rates.language_opacity",
+            |c| c.rates.language_opacity = f32::INFINITY,
+            |c| c.rates.language_opacity = 0.0,
+        ),
+        ("mapper.rates.code", |c| c.rates.code = -1.0, |c| c.rates.code = 0.0),
+    ];
+
+    #[test]
+    fn each_number_is_checked() {
+        let any_value =
+            &["mapper.insert_keyframes", "mapper.steps_per_keyframe", "mapper.steps_per_frame"];
+        assert_checks("mapper", MapperConfig::check, CASES, any_value);
     }
 }

@@ -1,79 +1,84 @@
-//! The tracker's settings, section `[tracker]`.
+//! Settings of the tracker, section `[tracker]`.
 
+use super::super::range::{OutOfRange, above, at_least, require, within};
 use serde::{Deserialize, Serialize};
 
-/// How poses are estimated where they are not given. The thresholds stand between what was measured
-/// over 300 frames of a real walk (least: overlap 0.80, surface 0.48, intensity 0.83, conditioning 0.005)
-/// and where the loop ended at wrong poses (surface 0.39 with intensity 0.41; of a negative, 0.58 and 0.51); measured
-/// before normals were left out where depth bends.
+/// Largest step of a refined pose or exposure.
+const MAX_STEP: f64 = 1.0;
+
+/// How poses are estimated where they are not given. The thresholds lie between two sets of measurements,
+/// both made before normals were left out where depth bends. The worst of 300 frames of a real walk had
+/// overlap 0.80, surface 0.48, intensity 0.83 and conditioning 0.005. Alignments that ended at wrong poses had
+/// surface 0.39 with intensity 0.41, and 0.58 with 0.51.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackerConfig {
-    /// How.
+    /// The method of alignment.
     pub method: TrackerMethod,
     /// Frames are tracked at this many columns at most.
     pub width: u32,
-    /// Most Gauss-Newton steps per level of the pyramid, finest first.
+    /// Most Gauss-Newton steps at each level of the pyramid, finest first.
     pub steps: Vec<usize>,
-    /// The same for a start that may be far off.
+    /// The same for an initial pose that may be far off.
     pub wide_steps: Vec<usize>,
-    /// About so many pixels of the finest level are compared at most; all of the others'.
+    /// About the number of pixels that are compared at the finest level; all pixels of the others are.
     pub pixels: usize,
-    /// Of the photometric term, 1 / intensity².
+    /// Weight of the photometric term, 1 / intensity².
     pub photometric_weight: f64,
-    /// Of the geometric term, 1 / metres².
+    /// Weight of the geometric term, 1 / metres².
     pub geometric_weight: f64,
-    /// Standard deviation of a depth of one metre, metres; it grows with the depth squared.
+    /// Standard deviation of a depth of one metre, metres. It grows with the square of the depth.
     pub depth_noise: f64,
-    /// How much the rendered map counts beside keyframes; 0: it is rendered only without them.
+    /// Weight of the rendered map beside keyframes; 0: it is only a reference where there are no keyframes.
     pub map_weight: f64,
-    /// Keyframes whose own pictures are references too: the newest, and the oldest in sight.
+    /// Number of keyframes that are references: the newest, and the oldest in view.
     pub keyframes: usize,
-    /// In sight: a camera at the predicted pose sees at least this share of the keyframe.
+    /// A keyframe is in view if a camera at the predicted pose sees at least this share of it.
     pub keyframe_overlap: f64,
-    /// Whether the exposure of each frame is estimated: a gain.
+    /// Whether each frame's exposure is estimated, as a gain.
     pub exposure: bool,
-    /// The map is rendered a second time when the pose moved by more than this, metres.
+    /// The frame is aligned again if its pose moved by more than this from the initial pose, metres,
     pub rerender_metres: f64,
-    /// The same for turns, radians.
+    /// or turned by more than this, radians.
     pub rerender_radians: f64,
-    /// Pixels that tell as much as one measurement would that is independent of all others: by so
-    /// much counts what the robot thinks of its pose against what it sees.
+    /// Number of neighbouring pixels that are as informative as one independent measurement. It weighs the
+    /// robot's own estimate against the images.
     pub correlated_pixels: f64,
-    /// Tracked if at least this share of the measured pixels falls into the reference.
+    /// Tracked if at least this share of the measured pixels projects into the reference,
     pub min_overlap: f64,
-    /// Tracked if at least this share of those lies on the reference's surface.
+    /// and at least this share of those lies on the reference's surface,
     pub min_surface: f64,
-    /// Tracked if at least this share of the compared pixels has the reference's intensity.
+    /// and at least this share of the compared pixels has the reference's intensity,
     pub min_intensity: f64,
-    /// Tracked if the least visible motion is seen by this share of the most visible one's weight.
+    /// and the smallest eigenvalue of the normal system is at least this share of the largest.
     pub min_conditioning: f64,
-    /// Keyframes that are tried when the camera is lost; 0: it stays where it was lost.
+    /// Number of similar keyframes that a lost frame is aligned with; 0: only with the last pose.
     pub relocalise_keyframes: usize,
-    /// Found again if at least this share of the pixels in sight lies on the surface.
+    /// Relocalised if at least this share of the pixels in view lies on the surface,
     pub relocalise_surface: f64,
-    /// Found again if at least this share of the compared pixels has the map's intensity.
+    /// and at least this share of the compared pixels has the map's intensity.
     pub relocalise_intensity: f64,
-    /// Poses of this many newest keyframes are refined with the map; 0: none (measured: a young map
-    /// is less exact than the poses, so that they get worse).
+    /// Poses of this many newest keyframes are refined with the map. 0: none, because a young map is less
+    /// exact than the poses (measured).
     pub refine_keyframes: usize,
-    /// Step of a refined pose, metres.
+    /// Step of a refined position, metres.
     pub refine_metres: f64,
-    /// Step of a refined pose, radians.
+    /// Step of a refined rotation, radians.
     pub refine_radians: f64,
     /// Step of a refined exposure.
     pub refine_exposure: f64,
-    /// Of the method `photometric`.
+    /// Settings of the method `photometric`.
     pub photometric: PhotometricConfig,
 }
 
-/// How poses are found.
+/// The method of alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrackerMethod {
-    /// Few Gauss-Newton steps on pictures of keyframes.
+    /// A few Gauss-Newton steps against images of keyframes.
     GaussNewton,
-    /// The paper's: many steps of Adam, each on a picture of the map. It never says that it is lost.
+    /// The paper's: many steps of Adam, each against a rendered image of the map. It never reports a lost
+    /// frame.
     Photometric,
 }
 
@@ -81,7 +86,7 @@ pub enum TrackerMethod {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhotometricConfig {
-    /// Steps at most.
+    /// Most steps for a frame.
     pub iterations: usize,
     /// Step of the position, metres.
     pub metres: f64,
@@ -89,12 +94,59 @@ pub struct PhotometricConfig {
     pub radians: f64,
     /// Step of the exposure.
     pub exposure: f64,
-    /// It ends when a step [rho, theta] is shorter than this.
+    /// The steps end when one of them, [rho, theta], is shorter than this.
     pub converged: f64,
-    /// Weight of the L1 of color.
+    /// Weight of the L1 of color, channels 0 to 1.
     pub color: f32,
     /// Weight of the L1 of depth, per metre.
     pub depth: f32,
+}
+
+impl TrackerConfig {
+    /// Checks the range of each number.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] names the first key that is out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        at_least("tracker.width", self.width, 1)?;
+        let levels = |key, steps: &[usize]| {
+            let found = format!("{steps:?}");
+            require(!steps.is_empty(), key, found, "steps of at least one level")
+        };
+        levels("tracker.steps", &self.steps)?;
+        levels("tracker.wide_steps", &self.wide_steps)?;
+        at_least("tracker.pixels", self.pixels, 1)?;
+        at_least("tracker.photometric_weight", self.photometric_weight, 0.0)?;
+        at_least("tracker.geometric_weight", self.geometric_weight, 0.0)?;
+        at_least("tracker.depth_noise", self.depth_noise, 0.0)?;
+        at_least("tracker.map_weight", self.map_weight, 0.0)?;
+        within("tracker.keyframe_overlap", self.keyframe_overlap, 0.0..=1.0)?;
+        at_least("tracker.rerender_metres", self.rerender_metres, 0.0)?;
+        at_least("tracker.rerender_radians", self.rerender_radians, 0.0)?;
+        at_least("tracker.correlated_pixels", self.correlated_pixels, 0.0)?;
+        within("tracker.min_overlap", self.min_overlap, 0.0..=1.0)?;
+        within("tracker.min_surface", self.min_surface, 0.0..=1.0)?;
+        within("tracker.min_intensity", self.min_intensity, 0.0..=1.0)?;
+        within("tracker.min_conditioning", self.min_conditioning, 0.0..=1.0)?;
+        within("tracker.relocalise_surface", self.relocalise_surface, 0.0..=1.0)?;
+        within("tracker.relocalise_intensity", self.relocalise_intensity, 0.0..=1.0)?;
+        within("tracker.refine_metres", self.refine_metres, 0.0..=MAX_STEP)?;
+        within("tracker.refine_radians", self.refine_radians, 0.0..=MAX_STEP)?;
+        within("tracker.refine_exposure", self.refine_exposure, 0.0..=MAX_STEP)?;
+        self.photometric.check()
+    }
+}
+
+impl PhotometricConfig {
+    fn check(&self) -> Result<(), OutOfRange> {
+        at_least("tracker.photometric.iterations", self.iterations, 1)?;
+        within("tracker.photometric.metres", self.metres, 0.0..=MAX_STEP)?;
+        within("tracker.photometric.radians", self.radians, 0.0..=MAX_STEP)?;
+        within("tracker.photometric.exposure", self.exposure, 0.0..=MAX_STEP)?;
+        above("tracker.photometric.converged", self.converged, 0.0)?;
+        at_least("tracker.photometric.color", self.color, 0.0)?;
+        at_least("tracker.photometric.depth", self.depth, 0.0)
+    }
 }
 
 impl Default for TrackerConfig {
@@ -142,5 +194,101 @@ impl Default for PhotometricConfig {
             color: 0.95,
             depth: 0.05,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::range::table::{Case, assert_checks};
+    use super::*;
+
+    const CASES: &[Case<TrackerConfig>] = &[
+        ("tracker.width", |c| c.width = 0, |c| c.width = 1),
+        ("tracker.steps", |c| c.steps = Vec::new(), |c| c.steps = vec![1]),
+        ("tracker.wide_steps", |c| c.wide_steps = Vec::new(), |c| c.wide_steps = vec![1]),
+        ("tracker.pixels", |c| c.pixels = 0, |c| c.pixels = 1),
+        (
+            "tracker.photometric_weight",
+            |c| c.photometric_weight = -1.0,
+            |c| c.photometric_weight = 0.0,
+        ),
+        (
+            "tracker.geometric_weight",
+            |c| c.geometric_weight = f64::NAN,
+            |c| c.geometric_weight = 0.0,
+        ),
+        ("tracker.depth_noise", |c| c.depth_noise = -1.0, |c| c.depth_noise = 0.0),
+        ("tracker.map_weight", |c| c.map_weight = f64::INFINITY, |c| c.map_weight = 1.0),
+        ("tracker.keyframe_overlap", |c| c.keyframe_overlap = 1.1, |c| c.keyframe_overlap = 1.0),
+        ("tracker.rerender_metres", |c| c.rerender_metres = -1.0, |c| c.rerender_metres = 0.0),
+        (
+            "tracker.rerender_radians",
+            |c| c.rerender_radians = f64::NAN,
+            |c| c.rerender_radians = 0.0,
+        ),
+        (
+            "tracker.correlated_pixels",
+            |c| c.correlated_pixels = -1.0,
+            |c| c.correlated_pixels = 0.0,
+        ),
+        ("tracker.min_overlap", |c| c.min_overlap = 1.1, |c| c.min_overlap = 1.0),
+        ("tracker.min_surface", |c| c.min_surface = -0.1, |c| c.min_surface = 0.0),
+        ("tracker.min_intensity", |c| c.min_intensity = f64::NAN, |c| c.min_intensity = 0.0),
+        ("tracker.min_conditioning", |c| c.min_conditioning = 1.1, |c| c.min_conditioning = 0.0),
+        (
+            "tracker.relocalise_surface",
+            |c| c.relocalise_surface = 1.1,
+            |c| c.relocalise_surface = 1.0,
+        ),
+        (
+            "tracker.relocalise_intensity",
+            |c| c.relocalise_intensity = -0.1,
+            |c| c.relocalise_intensity = 0.0,
+        ),
+        ("tracker.refine_metres", |c| c.refine_metres = 2.0, |c| c.refine_metres = 0.0),
+        ("tracker.refine_radians", |c| c.refine_radians = -1.0, |c| c.refine_radians = 0.0),
+        ("tracker.refine_exposure", |c| c.refine_exposure = f64::NAN, |c| c.refine_exposure = 0.0),
+        (
+            "tracker.photometric.iterations",
+            |c| c.photometric.iterations = 0,
+            |c| c.photometric.iterations = 1,
+        ),
+        (
+            "tracker.photometric.metres",
+            |c| c.photometric.metres = 2.0,
+            |c| c.photometric.metres = 0.0,
+        ),
+        (
+            "tracker.photometric.radians",
+            |c| c.photometric.radians = -1.0,
+            |c| c.photometric.radians = 0.0,
+        ),
+        (
+            "tracker.photometric.exposure",
+            |c| c.photometric.exposure = f64::NAN,
+            |c| c.photometric.exposure = 0.0,
+        ),
+        (
+            "tracker.photometric.converged",
+            |c| c.photometric.converged = 0.0,
+            |c| c.photometric.converged = 1e-9,
+        ),
+        (
+            "tracker.photometric.color",
+            |c| c.photometric.color = -1.0,
+            |c| c.photometric.color = 0.0,
+        ),
+        (
+            "tracker.photometric.depth",
+            |c| c.photometric.depth = f32::NAN,
+            |c| c.photometric.depth = 0.0,
+        ),
+    ];
+
+    #[test]
+    fn each_number_is_checked() {
+        let any_value =
+            &["tracker.keyframes", "tracker.relocalise_keyframes", "tracker.refine_keyframes"];
+        assert_checks("tracker", TrackerConfig::check, CASES, any_value);
     }
 }
