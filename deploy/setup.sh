@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
-# Installs what lexsplat needs beside Rust, a C compiler and Python: a Vulkan loader with a software
-# driver (apt) and ONNX Runtime's shared library (pip, into .deps/). Where it cannot, it says what to run.
+# Installs what lexsplat needs besides Rust, a C compiler and Python: a Vulkan loader with a software
+# driver (apt) and the shared library of ONNX Runtime (pip, into .deps/). If it cannot install
+# something, it prints the command to run.
 #
-#   deploy/setup.sh            what the server needs
-#   deploy/setup.sh --tests    and what the tests use: the Python gRPC client, readers of exported files
+#   deploy/setup.sh            for the server
+#   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files
 #   deploy/setup.sh --lint     only the linters: typos and ruff
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 ONNXRUNTIME_VERSION=1.31.1
-PYTHON_TAG=3.12 # of the wheel: only its shared library is used, any Python can unpack it
+PYTHON_TAG=3.12 # of the wheel; only its shared library is used
 TYPOS_VERSION=1.52.0
 RUFF_VERSION=0.17.6
 
@@ -38,7 +39,7 @@ has_vulkan_driver() {
 command -v cargo >/dev/null || fail "Rust is missing: install it from https://rustup.rs, then run again"
 command -v cc >/dev/null || fail "a C compiler is missing: apt-get install build-essential, then run again"
 command -v python3 >/dev/null || fail "Python 3 is missing: apt-get install python3 python3-pip, then run again"
-# Distributions put ldconfig where only root looks.
+# ldconfig may be in a directory that is only in root's PATH.
 PATH="$PATH:/usr/sbin:/sbin"
 
 pip_install() { # pip_install TARGET ARGUMENT...
@@ -84,8 +85,8 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/python/grpc ]; then
   pip_install .deps/python --only-binary=:all: 'grpcio==1.76.0' 'grpcio-reflection==1.76.0'
 fi
 
-# What reads exported files back. gsply's reader is a library of its own; the package's Python half,
-# with a compiler in it, is not needed.
+# Readers of exported files. Only gsply's compiled reader is used, so its Python dependencies, which
+# include a compiler, are left out.
 if [ "${1:-}" = --tests ] && [ ! -d .deps/gsply/gsply ]; then
   say "installing the readers of exported files into .deps/readers and .deps/gsply"
   mkdir -p .deps

@@ -1,8 +1,8 @@
-//! The server's settings: one struct, one section per stage folder.
+//! The settings of the server, one section per module.
 //!
-//! In, each over the one before: the defaults in code, a TOML file, the environment
-//! (`LEXSPLAT__SECTION__KEY`), the command line. Out: a [`Config`] whose values are checked.
-//! A key that nobody knows is refused, with where it stands and the nearest one that is known.
+//! Sources, each overrides the one before: defaults, a TOML file, environment variables
+//! (`LEXSPLAT__SECTION__KEY`), the command line. An unknown key is an error that names its source and
+//! the most similar known key.
 
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;
@@ -20,51 +20,51 @@ use figment::providers::{Env, Format, Toml};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The environment as a source of settings.
+/// Name of the environment in error messages.
 const ENVIRONMENT: &str = "environment";
-/// What the names of environment variables with settings begin with.
+/// Prefix of environment variables with settings.
 const ENVIRONMENT_PREFIX: &str = "LEXSPLAT__";
-/// Between section and key in the name of an environment variable.
+/// Separator of section and key in the name of an environment variable.
 const ENVIRONMENT_SEPARATOR: &str = "__";
 
 /// All settings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Addresses and where state is kept.
+    /// Addresses and the data directory.
     pub server: ServerConfig,
-    /// What is taken from robots.
+    /// Limits of the gRPC interface.
     pub ingest: IngestConfig,
-    /// The adapter.
+    /// Choice of the GPU adapter.
     pub gpu: GpuConfig,
-    /// Networks.
+    /// The networks that compute language.
     pub language: LanguageConfig,
-    /// The online stage of the compression.
+    /// The online stage of the language compression.
     pub compressor: CompressorConfig,
-    /// Estimated poses.
+    /// Pose estimation.
     pub tracker: TrackerConfig,
-    /// The mapper.
+    /// Mapping: keyframes, insertion, optimisation, budgets.
     pub mapper: MapperConfig,
-    /// Queries.
+    /// Answering questions.
     pub query: QueryConfig,
-    /// What is taken from and kept for HTTP clients.
+    /// Limits of the HTTP interface.
     pub http: HttpConfig,
-    /// Logs.
+    /// The log of the server.
     pub telemetry: TelemetryConfig,
 }
 
-/// Addresses and where state is kept.
+/// Addresses and the data directory, section `server`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ServerConfig {
-    /// Where gRPC listens; port 0 picks a free one.
+    /// Address for gRPC; port 0 picks a free port.
     pub grpc: String,
-    /// Where HTTP listens; port 0 picks a free one.
+    /// Address for HTTP; port 0 picks a free port.
     pub http: String,
-    /// Where accepted frames are kept; absent: nowhere.
+    /// Directory for the logs of accepted frames; absent: no logs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data_dir: Option<PathBuf>,
-    /// How long open connections may take to finish when the server stops, seconds.
+    /// How long open calls may take to finish when the server stops, seconds.
     pub shutdown_seconds: u64,
 }
 
@@ -79,11 +79,11 @@ impl Default for ServerConfig {
     }
 }
 
-/// The adapter.
+/// The GPU adapter, section `gpu`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GpuConfig {
-    /// Substring of the adapter's name; absent: the best there is.
+    /// Part of the adapter's name; absent: the best adapter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adapter: Option<String>,
 }
@@ -94,22 +94,22 @@ pub enum ConfigError {
     /// The file cannot be read.
     #[error("cannot read the config file {path}: {reason}")]
     Unreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         reason: std::io::Error,
     },
-    /// A key that nobody knows.
+    /// An unknown key.
     #[error("{source_name}: unknown key {key:?}; the nearest known key is {nearest:?}")]
     UnknownKey {
         /// File or variable.
         source_name: String,
         /// Section and key.
         key: String,
-        /// The most similar one that is known.
+        /// The most similar known key.
         nearest: String,
     },
-    /// A value of the wrong type, or no TOML.
+    /// A value of the wrong type, or malformed TOML.
     #[error("{source_name}: {reason}")]
     Invalid {
         /// File or variables.
@@ -123,10 +123,10 @@ pub enum ConfigError {
 }
 
 impl Config {
-    /// Defaults, then `file`, then the environment.
+    /// Reads the settings from the defaults, `file` and the environment.
     ///
     /// # Errors
-    /// [`ConfigError`] says which key of which source is at fault.
+    /// [`ConfigError`] names the source and the key.
     pub fn load(file: Option<&Path>) -> Result<Self, ConfigError> {
         let mut all = Figment::new();
         if let Some(path) = file {
@@ -157,7 +157,7 @@ impl Config {
         Ok(())
     }
 
-    /// What the pipeline needs of it.
+    /// The settings of the pipeline.
     pub fn pipeline(&self) -> PipelineConfig {
         PipelineConfig {
             adapter: self.gpu.adapter.clone(),
@@ -170,7 +170,7 @@ impl Config {
     }
 }
 
-/// Reads one source alone, so that an error is that source's.
+/// Reads one source alone, so that the error can name it.
 fn examine(provider: &Figment, source_name: &str) -> Result<(), ConfigError> {
     match provider.extract::<Config>() {
         Ok(_) => Ok(()),
@@ -178,7 +178,7 @@ fn examine(provider: &Figment, source_name: &str) -> Result<(), ConfigError> {
     }
 }
 
-/// The key's own variable instead of the environment as a whole.
+/// Names the environment variable of an unknown key.
 fn naming_the_variable(error: ConfigError) -> ConfigError {
     match error {
         ConfigError::UnknownKey { key, nearest, .. } => {
@@ -205,13 +205,13 @@ fn explain(error: &figment::Error, source_name: &str) -> ConfigError {
         .max_by(|a, b| strsim::jaro_winkler(a, field).total_cmp(&strsim::jaro_winkler(b, field)))
         .copied()
         .unwrap_or_default();
-    // The path ends in the unknown key itself.
+    // The path ends with the unknown key.
     let section = error.path.strip_suffix(std::slice::from_ref(field)).unwrap_or(&error.path);
     let in_section = |key: &str| [section, &[key.to_owned()]].concat().join(".");
     ConfigError::UnknownKey { source_name, key: in_section(field), nearest: in_section(nearest) }
 }
 
-/// A parser's message with a picture of the spot in it, on one line.
+/// Joins the lines of a message: TOML errors show the line with the error.
 fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
 }
@@ -229,7 +229,7 @@ mod tests {
         provider.extract().map_err(|error| explain(&error, "test.toml"))
     }
 
-    /// Every key that `wanted` has and `found` has not.
+    /// All keys of `wanted` that are missing in `found`.
     fn missing(wanted: &toml::Table, found: &toml::Table) -> Vec<String> {
         let mut keys = Vec::new();
         for (key, value) in wanted {
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn default_toml_says_what_the_code_does() {
+    fn default_toml_has_the_defaults_of_the_code() {
         assert_eq!(parse(DEFAULT_TOML).unwrap(), Config::default());
         let code = toml::Table::try_from(Config::default()).unwrap();
         let shipped: toml::Table = toml::from_str(DEFAULT_TOML).unwrap();
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_refused_with_the_nearest() {
+    fn an_unknown_key_is_refused_with_the_most_similar_one() {
         let error = parse("[ingest]\nmax_pixel = 3").unwrap_err().to_string();
         assert_eq!(
             error,
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_make_no_sense_are_refused() {
+    fn values_out_of_range_are_refused() {
         let mut config = Config::default();
         config.check().unwrap();
         config.ingest.ack_backlog = 0;

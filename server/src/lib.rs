@@ -1,8 +1,8 @@
-//! lexsplat's server: robots stream RGB-D to it over gRPC, it builds a map of 3D Gaussians with
-//! language in it, and answers questions in plain words over HTTP.
+//! The lexsplat server. Robots send RGB-D frames over gRPC, the server builds a map of 3D Gaussians
+//! with language, and it answers questions in plain words over HTTP.
 //!
-//! [`run`] is the whole server: it takes listeners that are bound already and any future as the sign to
-//! stop, so that tests bind port 0 and stop when they like.
+//! [`serve`] runs the server. Its listeners are already bound and it stops when a future resolves, so
+//! tests can use free ports and stop it at any time.
 
 mod check;
 pub mod config;
@@ -32,18 +32,18 @@ use tokio::sync::watch;
 use tokio::task::{JoinError, JoinSet};
 use tokio_util::sync::CancellationToken;
 
-/// Where the server listens: bound already.
+/// The bound listeners of the server.
 pub struct Listeners {
-    /// For robots.
+    /// For gRPC.
     pub grpc: TcpListener,
-    /// For questions.
+    /// For HTTP.
     pub http: TcpListener,
 }
 
-/// Why the server does not start, or stopped by itself.
+/// Why the server did not start, or stopped by itself.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// No adapter, no networks, no thread.
+    /// The GPU adapter, a network or a thread could not be started.
     #[error(transparent)]
     Start(#[from] StartError),
     /// The data directory cannot be used.
@@ -52,34 +52,36 @@ pub enum RunError {
     /// A listener failed.
     #[error("a listener failed")]
     Listener(#[from] std::io::Error),
-    /// gRPC failed.
+    /// The gRPC server failed.
     #[error(transparent)]
     Ingest(#[from] IngestError),
     /// A part of the server panicked.
-    #[error("{0} panicked: the log says where")]
+    #[error("{0} panicked: see the log")]
     Panicked(&'static str),
 }
 
-/// What a started server says of itself.
+/// The report of a server that is ready.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Ready {
     /// Always "ready".
     pub event: &'static str,
-    /// Where gRPC listens.
+    /// Address of the gRPC listener.
     pub grpc: SocketAddr,
-    /// Where HTTP listens.
+    /// Address of the HTTP listener.
     pub http: SocketAddr,
-    /// What renders.
+    /// The GPU adapter.
     pub adapter: String,
-    /// The networks.
+    /// Name of the model bundle.
     pub bundle: String,
 }
 
-/// Serves `engine` until `shutdown` resolves; calls `on_ready` when the kept maps are rebuilt and
-/// robots are let in.
+/// Serves `engine` until `shutdown` resolves, then waits for open calls to finish.
+///
+/// HTTP is served at once. gRPC is served, and `on_ready` called, when the maps have been rebuilt from
+/// their logs.
 ///
 /// # Errors
-/// [`RunError`].
+/// [`RunError`] if the data directory cannot be used or a listener fails.
 pub async fn serve(
     engine: Arc<Engine>,
     listeners: Listeners,
@@ -129,20 +131,20 @@ pub async fn serve(
             ended = parts.join_next() => first = ended,
         }
     }
-    tracing::info!("stopping: open calls may finish");
+    tracing::info!("stopping: waiting for open calls");
     stopping.cancel();
     let patience = Duration::from_secs(config.server.shutdown_seconds);
     let ended = tokio::time::timeout(patience, all_ended(first, parts)).await;
     engine.shutdown().await;
     ended.unwrap_or_else(|_| {
-        tracing::warn!(?patience, "calls were still open and were cut off");
+        tracing::warn!(?patience, "some calls did not finish in time and were cut off");
         Ok(())
     })
 }
 
 type Ended = Result<Result<(), RunError>, JoinError>;
 
-/// Waits for the parts of the server; the first failure, if one failed.
+/// Waits for all parts of the server; returns the first failure.
 async fn all_ended(
     first: Option<Ended>,
     mut parts: JoinSet<Result<(), RunError>>,

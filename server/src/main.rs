@@ -1,4 +1,4 @@
-//! The `lexsplat-server` binary: settings in, exit code out; [`lexsplat_server`] is the program.
+//! The `lexsplat-server` binary: reads the settings and runs [`lexsplat_server`].
 
 use anyhow::Context as _;
 use clap::Parser;
@@ -12,34 +12,34 @@ use std::sync::Arc;
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Maps what robots see and answers where things are.
+/// Builds maps from the RGB-D frames of robots and answers questions about them.
 ///
 /// Example: lexsplat-server --data-dir maps --http 0.0.0.0:8080
 #[derive(Parser)]
 #[command(name = "lexsplat-server", version)]
 struct Arguments {
-    /// Settings in TOML; every one is also LEXSPLAT__SECTION__KEY in the environment
+    /// Settings file (TOML); environment variables LEXSPLAT__SECTION__KEY override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Keep accepted frames here, so that maps survive a restart
+    /// Directory for the logs of accepted frames, so that maps survive a restart
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
-    /// Where robots connect; port 0 picks a free one
+    /// Address for gRPC (robots); port 0 picks a free port
     #[arg(long, value_name = "ADDR")]
     grpc: Option<String>,
-    /// Where questions are asked; port 0 picks a free one
+    /// Address for HTTP (questions, dashboard); port 0 picks a free port
     #[arg(long, value_name = "ADDR")]
     http: Option<String>,
-    /// The folder of a bundle of networks
+    /// Directory of the model bundle
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// Render on the adapter whose name contains this
+    /// Use the GPU adapter with this in its name
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
-    /// Print the settings that are in force, as TOML, and stop
+    /// Print the settings as TOML and exit
     #[arg(long)]
     print_config: bool,
-    /// Print the adapters of this machine and what the server makes of each, and stop
+    /// Print the GPU adapters of this machine and how the server would use them, and exit
     #[arg(long)]
     adapters: bool,
 }
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     match start(arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // The whole chain of causes on one line.
+            // The error with all its causes on one line.
             let line = format!("{error:#}").replace('\n', " ");
             eprintln!("lexsplat-server: {line}");
             ExitCode::FAILURE
@@ -64,7 +64,7 @@ fn start(arguments: Arguments) -> anyhow::Result<()> {
     let print = arguments.print_config;
     let config = settings(arguments)?;
     if print {
-        print!("{}", toml::to_string(&config).context("the settings are not TOML")?);
+        print!("{}", toml::to_string(&config).context("cannot write the settings as TOML")?);
         return Ok(());
     }
     telemetry::start_logs(&config.telemetry)?;
@@ -75,12 +75,12 @@ fn start(arguments: Arguments) -> anyhow::Result<()> {
     runtime.block_on(run(config))
 }
 
-/// A table of the adapters, best first.
+/// Prints a table of the adapters, best first.
 fn print_adapters() -> anyhow::Result<()> {
     let survey = Gpu::survey();
     anyhow::ensure!(
         !survey.is_empty(),
-        "there is no vulkan adapter; install a driver, or one that runs on the processor: \
+        "there is no Vulkan adapter; install a driver, for example one that runs on the CPU: \
          apt-get install mesa-vulkan-drivers"
     );
     let heads =
@@ -122,7 +122,7 @@ fn adapter_row(report: &AdapterReport) -> [String; 8] {
     ]
 }
 
-/// The file and the environment, then the command line.
+/// Settings from the file, the environment and the command line; later ones override.
 fn settings(arguments: Arguments) -> anyhow::Result<Config> {
     let mut config = Config::load(arguments.config.as_deref())?;
     let Arguments { data_dir, grpc, http, models, adapter, .. } = arguments;
@@ -136,7 +136,7 @@ fn settings(arguments: Arguments) -> anyhow::Result<Config> {
 }
 
 async fn run(config: Config) -> anyhow::Result<()> {
-    // Before anything slow, so that an early signal is not missed.
+    // First, so that a signal during the start is not missed.
     let mut terminate = signal(SignalKind::terminate()).context("cannot wait for SIGTERM")?;
     let mut interrupt = signal(SignalKind::interrupt()).context("cannot wait for SIGINT")?;
     let stop = async move {
@@ -153,7 +153,7 @@ async fn run(config: Config) -> anyhow::Result<()> {
     let engine = tokio::task::spawn_blocking(move || Engine::start(pipeline))
         .await
         .context("starting the pipeline panicked")??;
-    serve(Arc::new(engine), listeners, config, say_ready, stop).await?;
+    serve(Arc::new(engine), listeners, config, print_ready, stop).await?;
     Ok(())
 }
 
@@ -165,11 +165,11 @@ async fn bind(key: &str, address: &str) -> anyhow::Result<TcpListener> {
     })
 }
 
-/// One line of JSON on standard output; whoever started the server may not read it.
-fn say_ready(ready: &Ready) {
+/// Prints one line of JSON on standard output.
+fn print_ready(ready: &Ready) {
     let line = serde_json::to_string(ready).expect("addresses and names are JSON");
     let mut out = std::io::stdout().lock();
     if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
-        tracing::warn!("nobody reads standard output");
+        tracing::warn!("cannot write to standard output");
     }
 }

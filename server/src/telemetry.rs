@@ -1,8 +1,8 @@
 //! Logs and metrics.
 //!
-//! Logs go to standard error through `tracing`. Metrics are of two kinds: what happens (requests,
-//! latencies) goes through the `metrics` facade into one recorder per process; what is (a map's
-//! numbers) is read from the maps when somebody asks, see `http::health`.
+//! Logs go to standard error through `tracing`. Counters and latencies go through the `metrics` facade
+//! into the recorder of the process. The current numbers of the maps are not recorded: `http::health`
+//! reads them from the maps when `/metrics` is requested.
 
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use serde::{Deserialize, Serialize};
@@ -11,36 +11,36 @@ use std::sync::OnceLock;
 use std::time::Instant;
 use tracing_subscriber::EnvFilter;
 
-/// Histogram: seconds a query took, by `edge`.
-pub const QUERY_SECONDS: &str = "lexsplat_query_seconds";
-/// Histogram: seconds a rendered picture took, by `channel`.
-pub const RENDER_SECONDS: &str = "lexsplat_render_seconds";
-/// Histogram: seconds that checking and decoding a frame took.
-pub const DECODE_SECONDS: &str = "lexsplat_decode_seconds";
-/// Histogram: seconds from a decoded frame to its acknowledgement, waiting in the queue included.
-pub const FRAME_SECONDS: &str = "lexsplat_frame_seconds";
-/// Histogram: seconds that the networks took for a keyframe.
-pub const LANGUAGE_SECONDS: &str = "lexsplat_language_seconds";
-/// Histogram: seconds that a frame's pose took; next to nothing where it is given.
-pub const TRACKING_SECONDS: &str = "lexsplat_tracking_seconds";
-/// Histogram: seconds that a keyframe's new Gaussians took.
-pub const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
-/// Histogram: seconds that one optimiser step took.
-pub const MAPPING_SECONDS: &str = "lexsplat_mapping_seconds";
-/// Histogram: seconds that the online compressor took for a keyframe, its codes' way into the map included.
-pub const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
-/// Histogram: seconds that readers' copy of the map took.
-pub const SNAPSHOT_SECONDS: &str = "lexsplat_snapshot_seconds";
+/// Histogram: seconds per query, by `edge` ("grpc" or "http").
+pub(crate) const QUERY_SECONDS: &str = "lexsplat_query_seconds";
+/// Histogram: seconds per rendered image, by `channel`.
+pub(crate) const RENDER_SECONDS: &str = "lexsplat_render_seconds";
+/// Histogram: seconds to check and decode a frame.
+pub(crate) const DECODE_SECONDS: &str = "lexsplat_decode_seconds";
+/// Histogram: seconds from a decoded frame to its acknowledgement, with the time in the queue.
+pub(crate) const FRAME_SECONDS: &str = "lexsplat_frame_seconds";
+/// Histogram: seconds of the networks per keyframe.
+pub(crate) const LANGUAGE_SECONDS: &str = "lexsplat_language_seconds";
+/// Histogram: seconds to track a frame; close to 0 if its pose is given.
+pub(crate) const TRACKING_SECONDS: &str = "lexsplat_tracking_seconds";
+/// Histogram: seconds to insert the new Gaussians of a keyframe.
+pub(crate) const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
+/// Histogram: seconds per optimiser step.
+pub(crate) const MAPPING_SECONDS: &str = "lexsplat_mapping_seconds";
+/// Histogram: seconds of the online compressor per keyframe, with writing its codes into the map.
+pub(crate) const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
+/// Histogram: seconds to copy the map into a snapshot for queries.
+pub(crate) const SNAPSHOT_SECONDS: &str = "lexsplat_snapshot_seconds";
 /// Counter: frames that did not pass the checks, by `field`.
-pub const REFUSED: &str = "lexsplat_refused_total";
-/// Gauge: streams that are open.
-pub const STREAMS: &str = "lexsplat_streams";
+pub(crate) const REFUSED: &str = "lexsplat_refused_total";
+/// Gauge: open streams.
+pub(crate) const STREAMS: &str = "lexsplat_streams";
 
-/// Bounds of the histograms' buckets, seconds.
+/// Upper bounds of the histogram buckets, seconds.
 const BUCKETS: [f64; 12] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
 
-/// The process's one recorder.
+/// The metrics recorder of the process.
 static RECORDER: OnceLock<PrometheusHandle> = OnceLock::new();
 
 /// Settings of the server's log, section `telemetry`.
@@ -62,25 +62,25 @@ impl Default for TelemetryConfig {
 /// Why logging cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum TelemetryError {
-    /// The filter does not parse.
+    /// The filter cannot be parsed.
     #[error(
         "telemetry.filter is {filter:?}: {reason}; expected for example \"info\" or \"lexsplat_server=debug\""
     )]
     Filter {
-        /// What was given.
+        /// The configured filter.
         filter: String,
-        /// Why it does not parse.
+        /// Error of the parser.
         reason: tracing_subscriber::filter::ParseError,
     },
-    /// Somebody else logs in this process.
+    /// Logging was started before in this process.
     #[error("logging was started twice")]
     Twice(#[from] tracing_subscriber::util::TryInitError),
 }
 
-/// Starts logging to standard error; once per process, by the binary.
+/// Starts logging to standard error. Call it once per process.
 ///
 /// # Errors
-/// [`TelemetryError`].
+/// [`TelemetryError`] if the filter cannot be parsed or logging was started before.
 pub fn start_logs(config: &TelemetryConfig) -> Result<(), TelemetryError> {
     use tracing_subscriber::layer::SubscriberExt as _;
     use tracing_subscriber::util::SubscriberInitExt as _;
@@ -97,8 +97,8 @@ pub fn start_logs(config: &TelemetryConfig) -> Result<(), TelemetryError> {
     Ok(())
 }
 
-/// The recorder's handle; the first call installs it.
-pub fn recorder() -> &'static PrometheusHandle {
+/// The metrics recorder; the first call installs it.
+pub(crate) fn recorder() -> &'static PrometheusHandle {
     RECORDER.get_or_init(|| {
         let recorder = builder().expect("the buckets are not empty").build_recorder();
         let handle = recorder.handle();
@@ -110,8 +110,8 @@ pub fn recorder() -> &'static PrometheusHandle {
     })
 }
 
-/// Does the work and records how long it took.
-pub fn timed<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
+/// Runs `work` and records its duration in the histogram `stage`.
+pub(crate) fn timed<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
     let started = Instant::now();
     let done = work();
     metrics::histogram!(stage).record(started.elapsed());
@@ -123,24 +123,30 @@ fn builder() -> Result<PrometheusBuilder, BuildError> {
 }
 
 fn describe() {
-    metrics::describe_histogram!(QUERY_SECONDS, "Seconds a query took");
-    metrics::describe_histogram!(RENDER_SECONDS, "Seconds a rendered picture took");
-    metrics::describe_histogram!(DECODE_SECONDS, "Seconds that checking and decoding a frame took");
+    metrics::describe_histogram!(QUERY_SECONDS, "Seconds per query");
+    metrics::describe_histogram!(RENDER_SECONDS, "Seconds per rendered image");
+    metrics::describe_histogram!(DECODE_SECONDS, "Seconds to check and decode a frame");
     metrics::describe_histogram!(
         FRAME_SECONDS,
         "Seconds from a decoded frame to its acknowledgement"
     );
-    metrics::describe_histogram!(LANGUAGE_SECONDS, "Seconds that the networks took for a keyframe");
-    metrics::describe_histogram!(TRACKING_SECONDS, "Seconds that a frame's pose took");
-    metrics::describe_histogram!(INSERTION_SECONDS, "Seconds that a keyframe's new Gaussians took");
-    metrics::describe_histogram!(MAPPING_SECONDS, "Seconds that one optimiser step took");
+    metrics::describe_histogram!(LANGUAGE_SECONDS, "Seconds of the networks per keyframe");
+    metrics::describe_histogram!(TRACKING_SECONDS, "Seconds to track a frame");
+    metrics::describe_histogram!(
+        INSERTION_SECONDS,
+        "Seconds to insert the new Gaussians of a keyframe"
+    );
+    metrics::describe_histogram!(MAPPING_SECONDS, "Seconds per optimiser step");
     metrics::describe_histogram!(
         COMPRESSION_SECONDS,
-        "Seconds that the online compressor took for a keyframe"
+        "Seconds of the online compressor per keyframe"
     );
-    metrics::describe_histogram!(SNAPSHOT_SECONDS, "Seconds that readers' copy of the map took");
+    metrics::describe_histogram!(
+        SNAPSHOT_SECONDS,
+        "Seconds to copy the map into a snapshot for queries"
+    );
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
-    metrics::describe_gauge!(STREAMS, "Streams that are open");
+    metrics::describe_gauge!(STREAMS, "Open streams");
 }
 
 #[cfg(test)]
@@ -148,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_recorded_latency_is_in_the_text_and_an_unrecorded_is_not() {
+    fn only_recorded_latencies_are_in_the_text() {
         let handle = recorder();
         metrics::histogram!("lexsplat_test_seconds").record(0.02);
         let text = handle.render();
@@ -158,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_filter_that_does_not_parse_is_refused() {
+    fn a_filter_that_cannot_be_parsed_is_refused() {
         let config = TelemetryConfig { filter: "lexsplat=loud".into(), json: false };
         let error = start_logs(&config).unwrap_err().to_string();
         assert!(error.contains("telemetry.filter") && error.contains("loud"), "{error}");

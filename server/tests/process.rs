@@ -1,4 +1,4 @@
-//! The server as a process: what it says when it starts, when it cannot, and how it stops.
+//! The server as a process: its output when it starts or cannot start, and how it stops.
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
@@ -16,10 +16,10 @@ fn server() -> Command {
     command
 }
 
-/// What it says when it does not start.
-fn complaint(output: &Output) -> String {
+/// The error message of a server that does not start.
+fn error_message(output: &Output) -> String {
     assert!(!output.status.success(), "it started");
-    assert!(output.stdout.is_empty(), "it said that it is ready");
+    assert!(output.stdout.is_empty(), "it reported to be ready");
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -28,7 +28,7 @@ fn is_ready_and_stops_when_told_to() {
     let mut child = server().stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it runs");
     let mut ready = String::new();
     let stdout = child.stdout.take().expect("it is piped");
-    BufReader::new(stdout).read_line(&mut ready).expect("it says something");
+    BufReader::new(stdout).read_line(&mut ready).expect("it prints a line");
     let ready: serde_json::Value = serde_json::from_str(&ready).expect("one line of JSON");
     assert_eq!(ready["event"], "ready");
     for address in ["grpc", "http"] {
@@ -44,11 +44,11 @@ fn is_ready_and_stops_when_told_to() {
 }
 
 #[test]
-fn refuses_a_key_that_nobody_knows() {
+fn refuses_an_unknown_key() {
     let folder = tempfile::tempdir().expect("a folder can be made");
     let file = folder.path().join("wrong.toml");
     fs::write(&file, "[mapper]\nmax_gausians = 5\n").expect("it can be written");
-    let said = complaint(&server().arg("--config").arg(&file).output().expect("it runs"));
+    let said = error_message(&server().arg("--config").arg(&file).output().expect("it runs"));
     for expected in ["wrong.toml", "max_gausians", "max_gaussians"] {
         assert!(said.contains(expected), "no {expected:?} in: {said}");
     }
@@ -57,7 +57,8 @@ fn refuses_a_key_that_nobody_knows() {
 #[test]
 fn refuses_a_bundle_that_is_missing_or_corrupt() {
     let folder = tempfile::tempdir().expect("a folder can be made");
-    let said = complaint(&server().arg("--models").arg(folder.path()).output().expect("it runs"));
+    let said =
+        error_message(&server().arg("--models").arg(folder.path()).output().expect("it runs"));
     assert!(said.contains("manifest.toml"), "{said}");
     for entry in fs::read_dir(root().join("models/tiny")).expect("the bundle ships") {
         let from = entry.expect("it can be read").path();
@@ -68,22 +69,23 @@ fn refuses_a_bundle_that_is_missing_or_corrupt() {
     let mut bytes = fs::read(&encoder).expect("it is there");
     bytes.truncate(bytes.len() / 2);
     fs::write(&encoder, bytes).expect("it can be written");
-    let said = complaint(&server().arg("--models").arg(folder.path()).output().expect("it runs"));
+    let said =
+        error_message(&server().arg("--models").arg(folder.path()).output().expect("it runs"));
     assert!(said.contains("encoder.onnx"), "{said}");
 }
 
 #[test]
-fn says_what_to_install_without_a_vulkan_adapter() {
+fn names_the_package_to_install_without_a_vulkan_adapter() {
     let nowhere = "/nonexistent/driver.json";
     let output = server()
         .env("VK_DRIVER_FILES", nowhere)
         .env("VK_ICD_FILENAMES", nowhere)
         .output()
         .expect("it runs");
-    let said = complaint(&output);
+    let said = error_message(&output);
     assert!(said.contains("mesa-vulkan-drivers"), "{said}");
     let other = server().args(["--adapter", "no such adapter"]).output().expect("it runs");
-    assert!(complaint(&other).contains("no such adapter"));
+    assert!(error_message(&other).contains("no such adapter"));
 }
 
 #[test]
@@ -106,7 +108,7 @@ fn prints_the_adapters_as_a_table() {
 }
 
 #[test]
-fn says_which_command_installs_an_adapter() {
+fn adapters_names_the_command_that_installs_one() {
     let nowhere = "/nonexistent/driver.json";
     let output = server()
         .arg("--adapters")
@@ -115,14 +117,14 @@ fn says_which_command_installs_an_adapter() {
         .output()
         .expect("it runs");
     assert_eq!(output.status.code(), Some(1));
-    let said = complaint(&output);
+    let said = error_message(&output);
     assert!(said.contains("apt-get install mesa-vulkan-drivers"), "{said}");
 }
 
 #[test]
 fn refuses_a_tier_that_the_adapter_cannot_have() {
     let output = server().env("LEXSPLAT_TIER", "quantum").output().expect("it runs");
-    let said = complaint(&output);
+    let said = error_message(&output);
     assert!(said.contains("LEXSPLAT_TIER") && said.contains("quantum"), "{said}");
-    assert!(said.contains("portable"), "it says what there is: {said}");
+    assert!(said.contains("portable"), "it lists the possible tiers: {said}");
 }

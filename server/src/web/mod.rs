@@ -1,32 +1,41 @@
-//! The dashboard: one page that talks to the HTTP interface like any other client.
+//! The dashboard: a web page that uses the HTTP interface like any other client.
 //!
-//! Its files are part of the binary and load nothing from elsewhere.
+//! Its files are compiled into the binary and load nothing from other servers.
 
 use axum::Router;
 use axum::http::{HeaderName, header};
 use axum::response::IntoResponse;
 use axum::routing::get;
 
-/// The page runs its own script and style only, and talks to its own server only.
+/// Content security policy: scripts, styles and requests only from and to this server.
 const POLICY: &str =
     "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; frame-ancestors 'none'";
 
-/// `/` and the page's files.
-pub fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
-    Router::new()
-        .route("/", get(async || file("text/html; charset=utf-8", include_str!("index.html"))))
-        .route(
-            "/dashboard/style.css",
-            get(async || file("text/css; charset=utf-8", include_str!("style.css"))),
-        )
-        .route(
-            "/dashboard/app.js",
-            get(async || file("text/javascript; charset=utf-8", include_str!("app.js"))),
-        )
-        .route(
-            "/dashboard/plan.js",
-            get(async || file("text/javascript; charset=utf-8", include_str!("plan.js"))),
-        )
+const HTML: &str = "text/html; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
+const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
+
+/// Paths and texts of the JavaScript modules.
+const SCRIPTS: [(&str, &str); 9] = [
+    ("/dashboard/app.js", include_str!("app.js")),
+    ("/dashboard/keyframes.js", include_str!("keyframes.js")),
+    ("/dashboard/page.js", include_str!("page.js")),
+    ("/dashboard/plan.js", include_str!("plan.js")),
+    ("/dashboard/questions.js", include_str!("questions.js")),
+    ("/dashboard/server.js", include_str!("server.js")),
+    ("/dashboard/state.js", include_str!("state.js")),
+    ("/dashboard/status.js", include_str!("status.js")),
+    ("/dashboard/view.js", include_str!("view.js")),
+];
+
+/// `/` and the files of the page.
+pub(crate) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
+    let page = get(async || file(HTML, include_str!("index.html")));
+    let style = get(async || file(CSS, include_str!("style.css")));
+    let router = Router::new().route("/", page).route("/dashboard/style.css", style);
+    SCRIPTS.iter().fold(router, |router, &(path, text)| {
+        router.route(path, get(async move || file(JAVASCRIPT, text)))
+    })
 }
 
 fn file(content_type: &'static str, text: &'static str) -> impl IntoResponse {

@@ -1,12 +1,13 @@
-// The plan: trajectory and objects from above.
+// The plan: draws the trajectory and the objects from above.
 //
-// In: keyframes with world_from_camera (16 numbers, row-major) and objects with boxes, metres.
-// Out: a drawing on a canvas. Knows nothing of the server.
+// In: keyframes with world_from_camera (16 numbers, row-major) and objects with axis-aligned boxes,
+// metres. Out: a drawing on a canvas.
 
 const AXES = { xz: [0, 2], xy: [0, 1], yz: [1, 2] };
 const MARGIN = 30;
 
-// Cameras' y axes point down: the world axis that they agree on most is vertical.
+// The plane of the floor. The y axis of a camera points down, so the world axis that most y axes are
+// parallel to is vertical.
 function fromAbove(frames) {
   const down = [0, 0, 0];
   for (const frame of frames) {
@@ -63,7 +64,7 @@ function grid(context, width, height, scale, [zeroX, zeroY]) {
   context.fillText(`grid ${metres} m`, width - 110, height - 10);
 }
 
-// A dot, and a line where the camera looks (its z axis).
+// A camera as a dot, with a line along its z axis, the viewing direction.
 function camera(context, frame, [x, y], [across, up], chosen) {
   const ahead = [frame.world_from_camera[across * 4 + 2], -frame.world_from_camera[up * 4 + 2]];
   context.strokeStyle = context.fillStyle = chosen ? '#ffffff' : '#22d3ee';

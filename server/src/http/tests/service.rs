@@ -75,12 +75,21 @@ async fn the_server_describes_itself() {
     }
     let page = server.get("/").await;
     assert!(page.header("content-type").starts_with("text/html"));
-    for file in ["style.css", "app.js", "plan.js"] {
-        let reply = server.get(&format!("/dashboard/{file}")).await;
-        assert_eq!(reply.status, 200);
-        let html = std::str::from_utf8(&page.body).unwrap();
-        let script = server.get("/dashboard/app.js").await.body;
-        let named = html.contains(file) || String::from_utf8_lossy(&script).contains(file);
-        assert!(named, "{file} is used by the page");
+    // Every file that the page or one of its scripts names is served.
+    let mut texts = vec![String::from_utf8_lossy(&page.body).into_owned()];
+    let mut files = std::collections::BTreeSet::new();
+    while let Some(text) = texts.pop() {
+        for rest in text.split("/dashboard/").skip(1) {
+            let file: String = rest.chars().take_while(|c| !"\"'".contains(*c)).collect();
+            if files.insert(file.clone()) {
+                let reply = server.get(&format!("/dashboard/{file}")).await;
+                assert_eq!(reply.status, 200, "{file}");
+                texts.push(String::from_utf8_lossy(&reply.body).into_owned());
+            }
+        }
     }
+    for file in ["style.css", "app.js", "plan.js", "view.js"] {
+        assert!(files.contains(file), "{file} is used by the page");
+    }
+    assert_eq!(files.len(), 10, "{files:?}");
 }

@@ -1,0 +1,116 @@
+// Questions and their answers.
+import { attempt, element, show } from '/dashboard/page.js';
+import { api, array, call, json } from '/dashboard/server.js';
+import { $, state } from '/dashboard/state.js';
+import { drawHeat, drawMarks, drawPlanNow } from '/dashboard/view.js';
+
+// If less than this share has been seen, "absent" only means "not seen".
+const UNSEEN_COVERAGE = 0.05;
+
+const post = (body) => json(api('/query'), { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
+
+// Asks a question. Several texts, separated by commas, are compared with each other.
+export async function ask(text) {
+  const number = ++state.asked;
+  const { map } = state;
+  const texts = [...new Set(text.split(',').map((word) => word.trim()).filter(Boolean))];
+  if (!map || texts.length === 0) return;
+  $('ask').classList.add('busy');
+  show(null);
+  await attempt(() => (texts.length > 1 ? segment(texts, number) : locate(texts[0], number)));
+  if (number === state.asked) $('ask').classList.remove('busy');
+}
+
+async function segment(texts, number) {
+  const { map, chosen } = state;
+  const in3d = post({ texts });
+  const inView = chosen === null ? null : post({ texts, view: { frame: chosen } });
+  const [space, view] = await Promise.all([in3d, inView]);
+  const labels = view ? await createImageBitmap(await (await call(view.labels.url)).blob()) : null;
+  if (number !== state.asked || map !== state.map) return;
+  state.objects = [];
+  drawLegend(space, view);
+  drawObjects();
+  drawPlanNow();
+  if (chosen === state.chosen) {
+    state.heat = null;
+    state.labels = labels;
+    drawHeat();
+    drawMarks(null);
+  }
+}
+
+async function locate(text, number) {
+  const { map, chosen } = state;
+  const in3d = post({ text, outputs: ['objects'] });
+  const inView = chosen === null ? null : post({ text, view: { frame: chosen }, outputs: ['heatmap', 'boxes'] });
+  const [space, view] = await Promise.all([in3d, inView]);
+  const heat = view?.heatmap ? await array(view.heatmap.url) : null;
+  if (number !== state.asked || map !== state.map) return;
+  state.objects = space.objects ?? [];
+  drawAnswer(space, view);
+  drawObjects();
+  drawPlanNow();
+  if (chosen === state.chosen) {
+    state.heat = heat;
+    state.labels = null;
+    drawHeat();
+    drawMarks(view);
+  }
+}
+
+function meter(label, share) {
+  const bar = element('div', '', 'meter');
+  const fill = document.createElement('i');
+  fill.style.width = `${Math.round(100 * share)}%`;
+  bar.append(fill);
+  return [element('p', `${label} ${(100 * share).toFixed(0)} %`, 'quiet'), bar];
+}
+
+function drawAnswer(space, view) {
+  const verdict = element('p', `“${space.text}” `, 'verdict');
+  const unseen = !space.present && space.coverage < UNSEEN_COVERAGE;
+  if (unseen) verdict.append(element('span', 'may be there: hardly anything has been seen yet', 'quiet'));
+  else verdict.append(element('span', space.present ? 'is there' : 'is not there', space.present ? 'yes' : 'no'));
+  const lines = [verdict, ...meter('confidence', space.confidence), ...meter('seen with language', space.coverage)];
+  if (view) {
+    const where = view.present ? `${view.boxes.length} region${view.boxes.length === 1 ? '' : 's'} in this view` : 'not in this view';
+    const peak = view.peak ? `, best ${view.peak.score.toFixed(2)} at ${Math.round(view.peak.x)}, ${Math.round(view.peak.y)}` : '';
+    lines.push(element('p', where + peak));
+  }
+  const spent = (answer) => `${answer.timing_ms.total.toFixed(0)} ms`;
+  lines.push(element('p', `3D ${spent(space)}${view ? ` · view ${spent(view)}` : ''} · revision ${space.revision}`, 'quiet'));
+  $('answer').replaceChildren(...lines);
+}
+
+function drawLegend(space, view) {
+  const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
+  const rows = space.legend.map((entry, at) => {
+    const row = element('p', '', 'legend');
+    const swatch = document.createElement('i');
+    swatch.style.background = entry.color;
+    const here = view ? `${percent(view.legend[at].share)} of this view · ` : '';
+    row.append(swatch, element('b', entry.text), element('span', `${here}${percent(entry.share)} of the map`, 'quiet'));
+    return row;
+  });
+  const spent = (answer) => `${answer.timing_ms.total.toFixed(0)} ms`;
+  rows.push(element('p', `3D ${spent(space)}${view ? ` · view ${spent(view)}` : ''} · revision ${space.revision}`, 'quiet'));
+  $('answer').replaceChildren(...rows);
+}
+
+function drawObjects() {
+  const numbers = (list) => list.map((value) => value.toFixed(2)).join(' ');
+  const rows = state.objects.map((object, at) => {
+    const row = document.createElement('tr');
+    const cells = [at + 1, object.score.toFixed(2), numbers(object.center), numbers(object.size), object.points];
+    row.append(...cells.map((cell) => element('td', cell)));
+    return row;
+  });
+  if (rows.length === 0) {
+    const cell = element('td', 'nothing found', 'quiet');
+    cell.colSpan = 5;
+    rows.push(document.createElement('tr'));
+    rows[0].append(cell);
+  }
+  $('objects').replaceChildren(...rows);
+}

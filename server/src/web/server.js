@@ -1,0 +1,30 @@
+// Requests to the server.
+import { state } from '/dashboard/state.js';
+
+export async function call(path, options = {}) {
+  let response;
+  try {
+    response = await fetch(path, { cache: 'no-store', ...options });
+  } catch {
+    throw new Error('the server does not answer');
+  }
+  if (!response.ok) {
+    const problem = await response.json().catch(() => ({}));
+    throw new Error(problem.detail ?? `${response.status} ${response.statusText}`);
+  }
+  return response;
+}
+
+// Path below the shown map.
+export const api = (rest = '') => `/v1/maps/${encodeURIComponent(state.map)}${rest}`;
+export const json = async (path, options) => (await call(path, options)).json();
+
+// Fetches a float32 .npy file (format version 1) as {shape, values}.
+export async function array(path) {
+  const response = await call(path, { headers: { accept: 'application/x-npy' } });
+  const buffer = await response.arrayBuffer();
+  const length = new DataView(buffer).getUint16(8, true);
+  const header = new TextDecoder().decode(new Uint8Array(buffer, 10, length));
+  const shape = header.match(/'shape': \(([^)]*)\)/)[1].split(',').map((s) => s.trim()).filter(Boolean).map(Number);
+  return { shape, values: new Float32Array(buffer.slice(10 + length)) };
+}

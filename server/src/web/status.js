@@ -1,0 +1,33 @@
+// The status of the map.
+import { throttled } from '/dashboard/page.js';
+import { api, json } from '/dashboard/server.js';
+import { $, state } from '/dashboard/state.js';
+
+const REFRESH_MILLIS = 1500;
+
+export const refreshStatus = throttled(async () => { if (state.map) drawStatus(await json(api())); }, REFRESH_MILLIS);
+
+export function drawStatus(status) {
+  const chip = (label, value, kind = '') => {
+    const item = document.createElement('li');
+    const number = document.createElement('b');
+    number.textContent = value;
+    item.append(`${label} `, number);
+    item.className = kind;
+    return item;
+  };
+  const count = (value) => value.toLocaleString('en');
+  const chips = [
+    chip('tracking', status.tracking_state, status.tracking_state === 'lost' ? 'bad' : 'good'),
+    chip('frames', `${count(status.frames_tracked)} / ${count(status.frames_received)}`),
+    chip('keyframes', count(status.keyframes)),
+    chip('gaussians', count(status.gaussians)),
+    chip('queue', `${status.queue_depth} / ${status.queue_capacity}`),
+    chip('revision', count(status.revision)),
+    chip('memory', `${((status.gpu_bytes + status.keyframe_bytes) / 2 ** 20).toFixed(0)} MiB`),
+    chip('mapper', status.settled ? 'settled' : 'working'),
+  ];
+  if (status.frames_refused) chips.push(chip('refused', count(status.frames_refused), 'bad'));
+  if (status.failure) chips.push(chip('failed', status.failure, 'bad'));
+  $('status').replaceChildren(...chips);
+}
