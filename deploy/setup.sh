@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs what lexsplat needs besides Rust, a C compiler and Python: a Vulkan loader with a software
-# driver (apt) and the shared library of ONNX Runtime (pip, into .deps/). If it cannot install
-# something, it prints the command to run.
+# Installs what lexsplat needs besides Rust, a C compiler and Python: a Vulkan loader with a
+# software driver (apt) and the shared library of ONNX Runtime (pip, into .deps/). If it cannot
+# install something, it prints the command to run.
 #
 #   deploy/setup.sh            for the server
 #   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files

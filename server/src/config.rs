@@ -1,8 +1,8 @@
 //! The settings of the server, one section per module.
 //!
 //! Sources, each overrides the one before: defaults, a TOML file, environment variables
-//! (`LEXSPLAT__SECTION__KEY`), the command line. An unknown key is an error that names its source and
-//! the most similar known key.
+//! (`LEXSPLAT__SECTION__KEY`), the command line. An unknown key is an error that names its source
+//! and the most similar known key.
 
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;

@@ -1,8 +1,8 @@
 //! The lexsplat server. Robots send RGB-D frames over gRPC, the server builds a map of 3D Gaussians
 //! with language, and it answers questions in plain words over HTTP.
 //!
-//! [`serve`] runs the server. Its listeners are already bound and it stops when a future resolves, so
-//! tests can use free ports and stop it at any time.
+//! [`serve`] runs the server. Its listeners are already bound and it stops when a future resolves,
+//! so tests can use free ports and stop it at any time.
 
 mod check;
 pub mod config;
@@ -77,8 +77,8 @@ pub struct Ready {
 
 /// Serves `engine` until `shutdown` resolves, then waits for open calls to finish.
 ///
-/// HTTP is served at once. gRPC is served, and `on_ready` called, when the maps have been rebuilt from
-/// their logs.
+/// HTTP is served at once. gRPC is served, and `on_ready` called, when the maps have been rebuilt
+/// from their logs.
 ///
 /// # Errors
 /// [`RunError`] if the data directory cannot be used or a listener fails.

@@ -1,8 +1,8 @@
 //! Logs and metrics.
 //!
-//! Logs go to standard error through `tracing`. Counters and latencies go through the `metrics` facade
-//! into the recorder of the process. The current numbers of the maps are not recorded: `http::health`
-//! reads them from the maps when `/metrics` is requested.
+//! Logs go to standard error through `tracing`. Counters and latencies go through the `metrics`
+//! facade into the recorder of the process. The current numbers of the maps are not recorded:
+//! `http::health` reads them from the maps when `/metrics` is requested.
 
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ static RECORDER: OnceLock<PrometheusHandle> = OnceLock::new();
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TelemetryConfig {
-    /// What is logged: a level, or a comma-separated list of `target=level`.
+    /// A level, or a comma-separated list of `target=level`.
     pub filter: String,
     /// Write one JSON object per line instead of text.
     pub json: bool,

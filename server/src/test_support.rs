@@ -1,4 +1,4 @@
-//! What the edges' tests share: a pipeline with small budgets, and a camera.
+//! Shared by the tests of gRPC and HTTP: a pipeline with small budgets, and a camera.
 
 use crate::Config;
 use crate::pipeline::engine::Engine;
@@ -10,18 +10,18 @@ use std::sync::{Arc, OnceLock};
 pub const CAMERA: Intrinsics =
     Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
 
-/// `configs/tiny.toml`, with what the environment changes.
+/// `configs/tiny.toml`, overridden by the environment.
 pub fn config() -> Config {
     let tiny = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/tiny.toml");
     Config::load(Some(&tiny)).unwrap()
 }
 
-/// One pipeline for all tests, so that the networks are loaded once.
+/// One pipeline for all tests: loading the networks is slow.
 pub fn engine() -> Arc<Engine> {
     static ENGINE: OnceLock<Arc<Engine>> = OnceLock::new();
     let start = || {
         let pipeline = config().pipeline();
-        // Each test makes maps of its own.
+        // Each test creates maps of its own.
         let mapper = crate::pipeline::mapper::MapperConfig { max_maps: 64, ..pipeline.mapper };
         Arc::new(
             Engine::start(crate::pipeline::engine::PipelineConfig { mapper, ..pipeline }).unwrap(),

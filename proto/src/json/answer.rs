@@ -16,7 +16,8 @@ pub struct Answer {
     pub present: bool,
     /// Confidence in `present`, 0 to 1.
     pub confidence: f32,
-    /// Share of the view or map that has language, 0 to 1. If it is low, absent only means not seen.
+    /// Share of the view or map that has language, 0 to 1. If it is low, absent only means not
+    /// seen.
     pub coverage: f32,
     /// Relevancy above which something counted as found.
     pub threshold: f32,

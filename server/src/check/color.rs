@@ -39,8 +39,8 @@ fn raw(data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
 }
 
 fn jpeg(data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
-    // A decoder would fill the missing part of a truncated JPEG with grey. Some cameras pad complete
-    // files with zeros.
+    // A decoder would fill the missing part of a truncated JPEG with grey. Some cameras pad
+    // complete files with zeros.
     let padding = data.iter().rev().take_while(|byte| **byte == 0).count();
     if !data[..data.len() - padding].ends_with(&JPEG_END) {
         return Err(Refusal::new(

@@ -4,7 +4,8 @@ use super::question::about;
 use super::refusal::Refusal;
 use crate::export::MeshOptions;
 
-/// Checks the text whose relevancy the mesh shows. The voxel size is checked where the mesh is made.
+/// Checks the text; the mesh shows its relevancy. The voxel size is checked where the mesh is
+/// made.
 ///
 /// # Errors
 /// [`Refusal`] names `text`.

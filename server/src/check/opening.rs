@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// The largest size of one unit of depth, metres.
 const MAX_DEPTH_UNIT_METRES: f64 = 1.0;
 
-/// A checked opening message: what holds for all frames of the stream.
+/// A checked opening message; it holds for all frames of the stream.
 #[derive(Clone, Debug)]
 pub(crate) struct Opening {
     pub(crate) intrinsics: Intrinsics,

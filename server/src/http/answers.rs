@@ -93,8 +93,8 @@ pub(super) async fn points(
     Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())
 }
 
-/// The labels of the pixels of an answer to `texts`: PNG with a palette (the value of a pixel is its
-/// label, 0 is transparent), or uint8 npy `[height, width]`.
+/// The labels of the pixels of an answer to `texts`: PNG with a palette (the value of a pixel is
+/// its label, 0 is transparent), or uint8 npy `[height, width]`.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/queries/{query_id}/labels", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),

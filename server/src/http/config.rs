@@ -3,7 +3,7 @@
 use crate::pipeline::range::{OutOfRange, at_least};
 use serde::{Deserialize, Serialize};
 
-/// Limits on requests, and on what the server keeps for HTTP clients.
+/// Limits on requests, and on the answers and events kept for clients.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HttpConfig {
@@ -19,7 +19,8 @@ pub struct HttpConfig {
     pub recent_answers_bytes: usize,
     /// Number of events of a map to keep for clients that reconnect.
     pub event_backlog: usize,
-    /// Origins (CORS) of web pages that may use this server; "*" allows any. The dashboard needs none.
+    /// Origins (CORS) of web pages that may use this server; "*" allows any. The dashboard needs
+    /// none.
     pub cors_origins: Vec<String>,
 }
 

@@ -1,6 +1,6 @@
 //! The newest events of each map that clients watch, bounded in number.
 //!
-//! Every client reads from the log at its own pace, so a slow client delays nobody.
+//! Every client reads from the log at its own pace: a slow client does not delay the others.
 
 use crate::pipeline::map::{Map, NumberedEvent};
 use std::collections::{BTreeMap, VecDeque};

@@ -1,7 +1,7 @@
 //! `GET /v1/maps/{name}/events`: the events of a map, as server-sent events.
 //!
-//! A client that reconnects with `Last-Event-ID` continues after that event. If it was away, or slow,
-//! for so long that events were dropped, it gets the event "missed".
+//! A client that reconnects with `Last-Event-ID` continues after that event. If it was away, or
+//! slow, for so long that events were dropped, it gets the event "missed".
 
 use super::error::Problem;
 use super::event_log::EventLog;
@@ -112,7 +112,8 @@ pub(super) async fn stream(
         Some(value) => {
             let id = value.to_str().ok().and_then(|value| value.trim().parse::<u64>().ok());
             let expected = "Last-Event-ID: expected a number, the id of an event";
-            // Ids start again when the server restarts: an older id may be larger than all new ones.
+            // Ids start again when the server restarts: an older id may be larger than all new
+            // ones.
             id.ok_or_else(|| Problem::bad_request(expected).at("Last-Event-ID"))?.min(newest_id)
         }
     };

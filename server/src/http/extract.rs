@@ -99,7 +99,7 @@ fn unreadable<E: std::error::Error>(error: serde_path_to_error::Error<E>) -> Pro
     }
 }
 
-/// Whether the client asks for arrays.
+/// Whether the client accepts numpy arrays.
 pub(super) fn wants_npy(headers: &HeaderMap) -> bool {
     headers
         .get_all(header::ACCEPT)
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_field_at_fault_is_named() {
+    fn the_wrong_field_is_named() {
         assert_eq!(problem("{\"view\": {\"frame\": \"x\"}}")["field"], "view.frame");
         assert_eq!(problem("{\"view\": {\"fram\": 3}}")["field"], "view.fram");
         assert_eq!(problem("{\"vew\": 3}")["field"], "vew");
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_are_sent_only_when_asked_for() {
+    fn arrays_are_sent_only_if_accepted() {
         let with = |accept: &'static str| {
             let mut headers = HeaderMap::new();
             headers.insert(header::ACCEPT, HeaderValue::from_static(accept));

@@ -21,7 +21,7 @@ pub(super) struct ExportOptions {
 #[derive(Default)]
 pub(super) struct FileCache(Mutex<Option<Exported>>);
 
-/// An exported file and what it was exported from.
+/// An exported file with its snapshot and options.
 pub(super) struct Exported {
     pub(super) snapshot: Weak<MapSnapshot>,
     pub(super) format: Format,

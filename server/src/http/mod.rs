@@ -1,8 +1,8 @@
-//! The HTTP interface: questions, rendered images, files and events of the maps, as JSON, PNG, PLY and
-//! server-sent events. Errors are RFC 9457 problem documents.
+//! The HTTP interface: questions, rendered images, files and events of the maps, as JSON, PNG, PLY
+//! and server-sent events. Errors are RFC 9457 problem documents.
 //!
-//! Requests are validated by `check`; this module translates between HTTP and the pipeline. It reads
-//! maps through snapshots and statuses only.
+//! Requests are validated by `check`; this module translates between HTTP and the pipeline. It
+//! reads maps through snapshots and statuses only.
 
 mod answer_cache;
 mod answers;

@@ -61,7 +61,8 @@ fn matches(tags: &str, etag: &str) -> bool {
         .any(|tag| tag == "*" || tag == etag)
 }
 
-/// Reads one range of bytes. Several ranges and malformed ranges mean the whole file, as the RFC allows.
+/// Reads one range of bytes. Several ranges and malformed ranges mean the whole file, as the RFC
+/// allows.
 fn part(range: &str, total: usize) -> Part {
     let Some(spec) = range.trim().strip_prefix("bytes=") else { return Part::All };
     let Some((first, last)) = spec.split_once('-') else { return Part::All };

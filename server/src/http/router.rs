@@ -21,7 +21,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 use tower_http::trace::TraceLayer;
 
-/// What the routes need.
+/// The parts of the server that the routes use.
 pub(crate) struct Context {
     pub(crate) maps: RecordedMaps,
     pub(crate) config: HttpConfig,
@@ -81,7 +81,7 @@ async fn method_not_allowed(method: Method, uri: axum::http::Uri) -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, detail)
 }
 
-/// The answer to a request whose handler panicked. The panic's message is only in the server's log.
+/// The answer to a request after its handler panicked. The panic's message is only in the server's log.
 fn panicked(_panic: Box<dyn Any + Send>) -> Response {
     Problem::internal("a handler panicked: see the server's log").into_response()
 }

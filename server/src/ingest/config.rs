@@ -4,7 +4,7 @@ use crate::check::Limits;
 use crate::pipeline::range::{OutOfRange, at_least, require};
 use serde::{Deserialize, Serialize};
 
-/// Limits on what senders of frames may send, and on how long they may take.
+/// Limits on streams of frames: sizes and times.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IngestConfig {

@@ -45,7 +45,8 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
     }
 }
 
-/// The exported file in chunks. The queue of chunks is bounded; sending stops when the client leaves.
+/// The exported file in chunks. The queue of chunks is bounded; sending stops when the client
+/// leaves.
 pub(super) async fn export(
     context: &Context,
     request: v1::ExportRequest,

@@ -1,10 +1,10 @@
 //! One `StreamFrames` call: frames in, acknowledgements out, in the same order.
 //!
-//! Two tasks serve a stream. The reader takes a message, checks and decodes it on a blocking thread,
-//! writes it to the map's log and gives it to the mapper. The acknowledger waits for the outcome of
-//! each frame and sends the acknowledgement. The queues between the tasks are bounded: when the
-//! mapper's queue is full, or the sender does not read its acknowledgements, the reader stops
-//! reading, and HTTP/2 flow control makes the sender wait.
+//! Two tasks serve a stream. The reader takes a message, checks and decodes it on a blocking
+//! thread, writes it to the map's log and gives it to the mapper. The acknowledger waits for the
+//! outcome of each frame and sends the acknowledgement. The queues between the tasks are bounded:
+//! when the mapper's queue is full, or the sender does not read its acknowledgements, the reader
+//! stops reading, and HTTP/2 flow control makes the sender wait.
 
 use super::context::Context;
 use super::status;
@@ -24,7 +24,7 @@ use tonic::{Code, Status, Streaming};
 
 type Acks = mpsc::Sender<Result<FrameAck, Status>>;
 
-/// What the reader tells the acknowledger, in the order of the frames.
+/// A message from the reader to the acknowledger, in the order of the frames.
 enum Pending {
     /// The answer to the opening message.
     Opened,

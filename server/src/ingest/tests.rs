@@ -1,4 +1,4 @@
-//! Streams over a real socket, in front of a real pipeline.
+//! Tests of streams and calls over a real socket, with a real pipeline.
 
 use super::{IngestConfig, MappingService};
 use crate::maps::{RecordedMaps, replay};
@@ -26,7 +26,7 @@ impl Server {
         let address = listener.local_addr().unwrap();
         let stopping = CancellationToken::new();
         let store = Store::open(data_dir).unwrap();
-        // So that a sender which does not read is found out soon.
+        // A short limit, so that the test of a sender that does not read is fast.
         let config = IngestConfig { ack_seconds: 1, ..config().ingest };
         let maps = RecordedMaps::new(engine(), store);
         let service = MappingService::new(maps, &config, stopping.clone());
@@ -66,7 +66,7 @@ impl Stream {
         self.acks.message().await.map(|ack| ack.expect("the stream goes on"))
     }
 
-    /// Ends the stream from this side and waits for the other.
+    /// Closes the stream and waits until the server has closed it.
     async fn finish(mut self) {
         drop(self.frames);
         assert!(self.acks.message().await.unwrap().is_none());
@@ -124,7 +124,7 @@ async fn frames_are_acknowledged_in_order_and_bad_ones_do_not_end_the_stream() {
     let mut found = Vec::new();
     for _ in 0..4 {
         let ack = stream.ack().await.unwrap();
-        assert_eq!(ack.durable_through, None, "nothing is kept without a data directory");
+        assert_eq!(ack.durable_through, None, "nothing is durable without a data directory");
         found.push((ack.sequence, ack.status(), ack.refused_field));
     }
     let tracked = |sequence| (sequence, FrameStatus::Tracked, String::new());
@@ -165,7 +165,7 @@ async fn a_stream_must_open_properly() {
 }
 
 #[tokio::test]
-async fn a_map_has_one_sender_and_a_broken_connection_frees_its_place() {
+async fn a_map_has_one_sender_and_a_broken_connection_frees_it() {
     let server = Server::start(None).await;
     let (first, _) = server.opened("ingest-busy").await;
     let mut second = server.stream().await;
@@ -180,12 +180,12 @@ async fn a_map_has_one_sender_and_a_broken_connection_frees_its_place() {
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    panic!("the place was not given back");
+    panic!("the map was not freed for another sender");
 }
 
 #[tokio::test]
-async fn a_sender_that_reads_no_acknowledgements_must_wait_and_loses_its_place() {
-    /// More acknowledgements (some 100 bytes each) than HTTP/2 windows (2 MiB) and queues hold.
+async fn a_sender_that_reads_no_acknowledgements_waits_and_is_cut_off() {
+    /// More acknowledgements (about 100 bytes each) than the HTTP/2 windows (2 MiB) and queues hold.
     const FRAMES: u64 = 100_000;
     let server = Server::start(None).await;
     let (stream, _) = server.opened("ingest-deaf").await;
@@ -198,14 +198,16 @@ async fn a_sender_that_reads_no_acknowledgements_must_wait_and_loses_its_place()
         }
         FRAMES
     };
-    let sent = tokio::time::timeout(Duration::from_secs(60), sent).await.expect("it is cut off");
-    assert!(sent < FRAMES, "all were read although no acknowledgement was");
+    let sent = tokio::time::timeout(Duration::from_secs(60), sent)
+        .await
+        .expect("the server cuts the stream off");
+    assert!(sent < FRAMES, "the server read all frames although no acknowledgement was read");
     let (next, _) = server.opened("ingest-deaf").await;
     next.finish().await;
 }
 
 #[tokio::test]
-async fn a_stopping_server_answers_what_it_took() {
+async fn a_stopping_server_acknowledges_accepted_frames() {
     let server = Server::start(None).await;
     let (mut stream, _) = server.opened("ingest-stop").await;
     stream.send(Message::Frame(frame(1))).await;
@@ -226,7 +228,7 @@ async fn durable_frames_come_back_after_a_restart() {
         assert!(ack.durable_through.is_some_and(|through| through >= sequence), "{ack:?}");
     }
     stream.finish().await;
-    // As after a crash: the map is gone, its log is not.
+    // As after a crash: the map does not exist any more, its log does.
     engine().delete("ingest-durable").await.unwrap();
     let store = Store::open(Some(folder.path())).unwrap();
     let maps = RecordedMaps::new(engine(), store);
@@ -238,7 +240,7 @@ async fn durable_frames_come_back_after_a_restart() {
     stream.finish().await;
     let name = "ingest-durable".to_owned();
     server.client.clone().delete_map(v1::DeleteMapRequest { name }).await.unwrap();
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the log is gone, too");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the log was removed, too");
 }
 
 #[tokio::test]

@@ -56,7 +56,7 @@ impl Replay<'_> {
 
     fn open(&mut self, map: &str, open: &v1::OpenMap) -> Result<(), String> {
         let opening = check::opening(open, self.limits).map_err(|error| error.to_string())?;
-        // A map has one sender: the last one must be gone before the next can claim the map.
+        // A map has one sender: drop the last one before the next claims the map.
         self.sender = None;
         let map = self.engine.open(map).map_err(|error| error.to_string())?;
         let guard = map.claim(opening.intrinsics).map_err(|error| error.to_string())?;

@@ -9,7 +9,7 @@ pub enum StoreError {
     /// A file operation failed.
     #[error("cannot {action} {path}: {reason}")]
     Io {
-        /// What was tried, as a verb.
+        /// A verb, for the message.
         action: &'static str,
         path: PathBuf,
         reason: Arc<std::io::Error>,

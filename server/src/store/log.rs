@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_is_durable_is_read_back_and_appended_to() {
+    async fn durable_frames_are_read_back_and_appended_to() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("kitchen.log");
         write(&path, 0..3).await;
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_torn_tail_is_cut_and_a_whole_one_is_not() {
+    async fn only_incomplete_records_are_cut_off() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("kitchen.log");
         write(&path, 0..3).await;
@@ -190,9 +190,9 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_disk_that_refuses_is_not_called_durable() {
-        assert!(Path::new("/dev/full").exists(), "this test needs /dev/full, as Linux has it");
+    async fn a_full_disk_is_reported() {
+        assert!(Path::new("/dev/full").exists(), "this test needs /dev/full, which Linux has");
         let refused = Log::open("/dev/full".into(), open_message());
-        assert!(refused.is_err(), "the device takes no bytes");
+        assert!(refused.is_err(), "the device is full");
     }
 }

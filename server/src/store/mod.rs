@@ -110,8 +110,8 @@ impl LogFile {
     }
 }
 
-/// Path of a map's log. The engine has checked the name: it has no path separators and does not start
-/// with a dot.
+/// Path of a map's log. The engine has checked the name: it has no path separators and does not
+/// start with a dot.
 fn log_path(root: &Path, map: &str) -> PathBuf {
     root.join(format!("{map}.{EXTENSION}"))
 }

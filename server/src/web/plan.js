@@ -6,8 +6,8 @@
 const AXES = { xz: [0, 2], xy: [0, 1], yz: [1, 2] };
 const MARGIN = 30;
 
-// The plane of the floor. The y axis of a camera points down, so the world axis that most y axes are
-// parallel to is vertical.
+// The plane of the floor. The y axis of a camera points down, so the world axis that most y axes
+// are parallel to is vertical.
 function fromAbove(frames) {
   const down = [0, 0, 0];
   for (const frame of frames) {

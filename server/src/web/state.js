@@ -1,4 +1,4 @@
-// What the page shows: the map, its keyframes, the chosen view and the last answer.
+// The state of the page: the map, its keyframes, the chosen view and the last answer.
 
 export const $ = (id) => document.getElementById(id);
 

@@ -13,7 +13,7 @@ fn field(question: Unchecked) -> String {
 }
 
 #[test]
-fn a_plain_question_gets_what_fits() {
+fn a_plain_question_gets_the_outputs_that_fit() {
     let query = plain("  coffee cup ").one().unwrap();
     assert_eq!((query.text.as_str(), query.max_objects), ("coffee cup", 10));
     assert_eq!(query.outputs, Outputs::SPACE);
@@ -50,7 +50,7 @@ fn several_texts_are_another_kind_of_question() {
 }
 
 #[test]
-fn spatial_filters_are_finite_ordered_and_in_space() {
+fn points_and_boxes_are_finite_ordered_and_only_in_3d_questions() {
     let base = || plain("cup");
     let within = |min, max| Unchecked { within: Some(json::Bounds { min, max }), ..base() };
     let query = within([0.0; 3], [1.0, 0.0, 2.0]).one().unwrap();

@@ -56,7 +56,7 @@ fn labels_that_cannot_be_are_refused() {
     assert_eq!(refused(with_labels(Unspecified, bytes.clone())).0, "label_format");
     let nameless = v1::Frame { label_format: 9, ..good() };
     assert!(refused(nameless).1.contains("LABEL_FORMAT_PNG"));
-    // Nobody said what they stand for.
+    // The labels have no texts.
     let open = v1::OpenMap { label_texts: Vec::new(), ..open_message() };
     let opened = opening(&open, &LIMITS).unwrap();
     let refusal = frame(&with_labels(U16, bytes), &opened, None, &LIMITS).unwrap_err();

@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 use serde_json::json;
 
 #[tokio::test]
-async fn pictures_have_the_size_that_is_asked_for() {
+async fn images_have_the_requested_size() {
     let server = Server::start();
     mapped("pictured").await;
     let path = |rest: &str| format!("/v1/maps/pictured/render?frame={FRAME}{rest}");

@@ -85,7 +85,7 @@ async fn a_question_about_a_view_has_a_heat_map_to_fetch() {
 }
 
 #[tokio::test]
-async fn several_words_have_labels_to_fetch_and_places_are_checked() {
+async fn several_texts_have_labels_to_fetch_and_places_are_checked() {
     let server = Server::start();
     mapped("labelled").await;
     let path = "/v1/maps/labelled/query";
