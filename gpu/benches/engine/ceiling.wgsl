@@ -21,7 +21,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         publish(0u, splat.place, lane);
         publish(1u, splat.form, lane);
         publish(2u, features[start + lane % BATCH], lane);
-        meet();
+        sync_lanes();
         //repeat j BATCH
         {
             let place = shared_row(0u, $j);
@@ -42,7 +42,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             //end
         }
         //end
-        meet();
+        sync_lanes();
     }
     var sum = vec4<f32>(0.0);
     //repeat s STRIPS

@@ -30,7 +30,7 @@ pub fn print(gpu: &Gpu) -> Result<(), GpuError> {
     let render = best(5, || {
         let Some(drawn) = renderer.draw_color(&gaussians, &camera)? else { return Ok(()) };
         let mut recorder = Recorder::new(gpu)?;
-        pyramids.fill_rendered(&mut recorder, &reference, (drawn.image, drawn.pixels))?;
+        pyramids.fill_rendered(&mut recorder, &reference, drawn.image, drawn.pixels)?;
         recorder.submit();
         reference.levels()[levels - 1].normals.read(gpu, 1).map(drop)
     })?;

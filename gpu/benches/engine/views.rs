@@ -52,7 +52,7 @@ impl Bench {
         Ok(Self {
             gaussians,
             trainer: Trainer::new(gpu, codes)?,
-            color: ColorTarget::new(gpu, (width, height), &rgb, &vec![2.5; pixels])?,
+            color: ColorTarget::new(gpu, width, height, &rgb, &vec![2.5; pixels])?,
             language: LanguageTarget::new(gpu, labels.width, labels.height, codes, &target)?,
             camera,
             labels,

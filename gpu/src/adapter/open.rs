@@ -44,7 +44,7 @@ impl Gpu {
     }
 }
 
-/// Opens an adapter on the best tier whose self-test it passes, or on the tier `wanted` alone.
+/// Opens an adapter on the best tier that passes the self-test, or on the tier `wanted` only.
 fn open(
     adapter: &wgpu::Adapter,
     wanted: Option<&str>,
@@ -67,7 +67,7 @@ fn open(
     let mut failures = Vec::new();
     for tier in candidates {
         let failed_tiers = (!failures.is_empty()).then(|| failures.join("; "));
-        // A device of its own for each try: what one driver call spoilt does not spoil the next.
+        // A new device for each try, so that a failed driver call does not affect the next one.
         let gpu = Gpu::request(adapter, tier, tiers.clone(), failed_tiers)?;
         let Err(reason) = selftest::run(&gpu, tier, tamper) else {
             tracing::info!(adapter = %gpu.adapter_name(), tier = tier.name(), "device opened");

@@ -1,7 +1,7 @@
-//! Whether an adapter keeps its word: tiny kernels for what a tier relies on, compared with the
-//! host. In: a device and a tier; out: nothing, or which check failed and how.
+//! Self-test of a device: small kernels use each feature of a tier, and their results are compared
+//! with the host's.
 //!
-//! Integers below 2^24 throughout, so that every comparison is exact, floats included.
+//! All numbers are integers below 2^24, so that every comparison is exact, floats included.
 
 use crate::device::{Buffer, Gpu, GpuError, Tier};
 use crate::shader::layout::{ArrayArguments, GROUP};
@@ -48,12 +48,12 @@ pub(super) fn run(gpu: &Gpu, tier: Tier, tamper: Tamper<'_>) -> Result<(), Strin
         let (width, per_thread, check): (u32, usize, Check) = match shader.label {
             "check_memory" => (GROUP, 1, Box::new(memory)),
             _ => {
-                let (lanes, width) = (tier.subgroup().unwrap_or_default(), workgroup(tier));
-                let check: Check = Box::new(move |v, found| subgroups((lanes, width), v, found));
+                let ((min, max), width) = (tier.subgroup().unwrap_or_default(), workgroup(tier));
+                let check: Check = Box::new(move |v, found| subgroups(min, max, width, v, found));
                 (width, SUBGROUP_VALUES, check)
             }
         };
-        let mut found = measure(gpu, &shader, &values, (width, per_thread * THREADS))
+        let mut found = measure(gpu, &shader, &values, width, per_thread * THREADS)
             .map_err(|error| format!("{}: {error}", shader.label))?;
         tamper(shader.label, &mut found);
         check(&values, &found).map_err(|why| format!("{}: {why}", shader.label))?;
@@ -67,7 +67,8 @@ fn measure(
     gpu: &Gpu,
     shader: &Shader,
     values: &[u32],
-    (width, len): (u32, usize),
+    width: u32,
+    len: usize,
 ) -> Result<Vec<u32>, GpuError> {
     let kernel = Kernel::new(gpu, shader)?;
     let given = Buffer::from_slice(gpu, "self-test in", values)?;
@@ -100,12 +101,8 @@ fn memory(values: &[u32], found: &[u32]) -> Result<(), String> {
 }
 
 /// Size, lane, largest value, sum by exchange, and the values of lane 0 and of the mirrored lane, as
-/// floats: what the kernels ask of subgroups (shared/lanes_subgroup.wgsl).
-fn subgroups(
-    ((min, max), width): ((u32, u32), u32),
-    values: &[u32],
-    found: &[u32],
-) -> Result<(), String> {
+/// floats: the features that shared/lanes_subgroup.wgsl uses.
+fn subgroups(min: u32, max: u32, width: u32, values: &[u32], found: &[u32]) -> Result<(), String> {
     let size = found[0];
     if !size.is_power_of_two() || !(min..=max).contains(&size) {
         return Err(format!(

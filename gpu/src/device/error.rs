@@ -1,10 +1,9 @@
-//! The one error type of this package. It names what was asked, what was expected and what was
-//! found.
+//! The error type of this crate. Its messages name the expected and the found value.
 
-/// What can go wrong between the host and the device.
+/// A failure of an adapter, a device or an input.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
-    /// No adapter, or none whose name contains what was asked for.
+    /// There is no adapter, or none has the requested name.
     #[error(
         "no vulkan adapter {wanted}found: have [{found}]; install a driver, or Mesa's llvmpipe to \
          run on the processor (Debian: mesa-vulkan-drivers)"
@@ -15,12 +14,12 @@ pub enum GpuError {
         /// Names of the adapters that are there.
         found: String,
     },
-    /// The adapter is there but gives no device.
+    /// The driver of the adapter refuses to open a device.
     #[error("adapter {adapter} gives no device: {reason}")]
     NoDevice {
         /// Name of the adapter.
         adapter: String,
-        /// The driver's words.
+        /// Message of the driver.
         reason: String,
     },
     /// The adapter computes wrongly, or not at all.
@@ -54,7 +53,7 @@ pub enum GpuError {
         label: String,
         /// Its size.
         bytes: u64,
-        /// The driver's words, or the limit it broke.
+        /// Message of the driver, or the limit that was exceeded.
         reason: String,
     },
     /// A shader or a pipeline was refused.
@@ -62,7 +61,7 @@ pub enum GpuError {
     Kernel {
         /// Which kernel.
         kernel: &'static str,
-        /// The compiler's words.
+        /// Message of the compiler.
         reason: String,
     },
     /// The device refused a command: a fault of this package.

@@ -1,6 +1,5 @@
-//! What kernels may rely on, chosen once when a device is opened: facts of the adapter in, tiers
-//! that it may have out, best first. No device is needed here; whether the adapter keeps its word
-//! is for the self-test to say.
+//! Tiers: the sets of GPU features that kernels may use. The facts of an adapter determine the tiers
+//! that it offers, best first. A self-test decides later which one a device gets.
 
 /// Width of the subgroups that the software tier relies on: what Mesa's llvmpipe has on x86 with
 /// AVX2.
@@ -9,8 +8,8 @@ pub const SOFTWARE_SUBGROUP: u32 = 8;
 /// Fewest lanes of a subgroup that is of any use.
 const FEWEST_LANES: u32 = 4;
 
-/// What kernels may rely on. On every tier: workgroup memory and barriers; on none: atomics, whose
-/// order is nobody's.
+/// The set of features that kernels may use. Every tier has workgroup memory and barriers. No tier has
+/// atomics, since the order of their results is undefined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tier {
     /// The processor pretends to be a GPU: few threads that handle many pixels each do best.

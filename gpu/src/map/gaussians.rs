@@ -53,7 +53,7 @@ impl Gaussians {
         self.channels
     }
 
-    /// Appends Gaussians; the optimiser starts afresh for them and goes on for the others.
+    /// Appends Gaussians, with moments and step counts of zero. The others keep theirs.
     ///
     /// # Errors
     /// [`GpuError::ShapeMismatch`] when lengths disagree, [`GpuError::OutOfMemory`]; the map is

@@ -32,10 +32,10 @@ impl<'a> Mover<'a> {
     /// Records the move of every array to the first `len` entries of `source`.
     fn rearrange(&mut self, arrays: &Arrays, source: &Buffer<u32>, len: usize) {
         for array in arrays.all() {
-            let buffers = (array.buffer, &*self.scratch);
-            self.tools.gather.gather(&mut self.recorder, source, len, buffers, array.width);
+            let (gather, recorder) = (&self.tools.gather, &mut self.recorder);
+            gather.gather(recorder, source, len, array.buffer, &self.scratch, array.width);
             let bytes = (len * array.width * size_of::<u32>()) as u64;
-            self.recorder.copy(&self.scratch, (array.buffer, 0), bytes);
+            self.recorder.copy(&self.scratch, array.buffer, 0, bytes);
         }
     }
 }

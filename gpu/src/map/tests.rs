@@ -39,7 +39,7 @@ fn marked(i: usize, array: usize, rows: usize) -> Vec<Row> {
     (0..rows).map(|row| [1.0 + i as f32, array as f32, row as f32, 0.5]).collect()
 }
 
-/// A map whose state, down to each row, says whose it is.
+/// A map in which every row of state holds the index of its Gaussian.
 fn map(gpu: &Gpu, len: usize) -> Gaussians {
     let mut map = Gaussians::new(gpu, CHANNELS);
     let mut host = HostGaussians {
@@ -123,7 +123,7 @@ fn pruning_moves_state_with_its_gaussian() {
     let gpu = gpu();
     let mut map = map(&gpu, 300);
     compare(&gpu, &map, &all_of(300)).expect("as it was made");
-    // Gaussian 2 is nowhere, see [`map`].
+    // The mean of Gaussian 2 is not a number; see [`map`].
     let keep: Vec<bool> = (0..300).map(|i| i % 5 != 1 && i != 2).collect();
     remove(&gpu, &mut map, &keep);
     let mut wanted = all_of(300);
@@ -160,8 +160,8 @@ fn a_map_that_grew_in_part_is_as_it_was() {
     compare(&gpu, &map, &[]).expect("an empty map");
 }
 
-/// Bytes that are allocated on the device, at most, while `run` runs, as far as another thread sees
-/// them. `run` gets the number of its looks.
+/// Peak of the bytes allocated on the device while `run` runs, sampled by another thread. `run` gets
+/// the number of samples so far.
 fn peak(gpu: &Gpu, run: impl FnOnce(&AtomicU64)) -> u64 {
     let (done, most, looks) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let look = || {

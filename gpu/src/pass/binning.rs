@@ -2,7 +2,7 @@
 
 use crate::device::{Gpu, GpuError};
 use crate::map::Gaussians;
-use crate::pass::order::{Order, Ranks};
+use crate::pass::order::{DepthOrder, Ranks};
 use crate::pass::projected::Projected;
 use crate::pass::tiles::Tiles;
 use crate::primitives::sort::Sort;
@@ -12,7 +12,7 @@ use crate::shader::Recorder;
 pub(crate) struct Binning {
     pub(super) sort: Sort,
     pub(super) tiles: Tiles,
-    order: Order,
+    order: DepthOrder,
     ranks: Option<Ranks>,
 }
 
@@ -22,7 +22,7 @@ impl Binning {
     /// # Errors
     /// As [`crate::shader::Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let (sort, order, tiles) = (Sort::new(gpu)?, Order::new(gpu)?, Tiles::new(gpu)?);
+        let (sort, order, tiles) = (Sort::new(gpu)?, DepthOrder::new(gpu)?, Tiles::new(gpu)?);
         Ok(Self { sort, tiles, order, ranks: None })
     }
 
@@ -41,7 +41,8 @@ impl Binning {
 
     /// Orders the first `count` Gaussians that one of two heads shows. With one head, give it twice.
     pub fn rank(&self, recorder: &mut Recorder<'_>, heads: [&Projected; 2], count: usize) {
-        self.order.rank(recorder, (heads[0], heads[1]), count, (self.ranks(), &self.sort));
+        let [one, other] = heads;
+        self.order.rank(recorder, one, other, count, self.ranks(), &self.sort);
     }
 
     /// The visible Gaussians of the last view.

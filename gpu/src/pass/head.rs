@@ -7,10 +7,10 @@
 use crate::device::{Buffer, Gpu, GpuError, Tier};
 use crate::map::{Arrays, Gaussians, HeadKind};
 use crate::pass::binning::Binning;
-use crate::pass::blend::{Blend, Lists, record_rows};
+use crate::pass::blend::{Blend, TileLists, record_rows};
 use crate::pass::camera::Camera;
 use crate::pass::order::Ranks;
-use crate::pass::project::{HeadGradients, Project};
+use crate::pass::project::{BackwardInputs, GradientBuffers, Project};
 use crate::pass::projected::Projected;
 use crate::pass::tiles::Hits;
 use crate::primitives::sort::Sort;
@@ -48,7 +48,7 @@ pub(crate) struct BackwardBuffers {
     /// In: dL/dimage, height x width x rows.
     pub image_gradients: Buffer<Row>,
     /// Out: dL/dparameters.
-    pub gradients: HeadGradients,
+    pub gradients: GradientBuffers,
     records: Buffer<Row>,
 }
 
@@ -124,7 +124,7 @@ impl HeadPass {
             self.release();
             self.forward = Some(ForwardBuffers {
                 projected: Projected::new(gpu, map)?,
-                hits: Hits::new(gpu, sort, self.hit_capacity, (map, tiles))?,
+                hits: Hits::new(gpu, sort, self.hit_capacity, map, tiles)?,
                 image: Buffer::new(gpu, "image", pixels * self.rows)?,
                 pixels: Buffer::new(gpu, "pixel states", pixels)?,
             });
@@ -135,7 +135,7 @@ impl HeadPass {
             let records = self.hit_capacity * record_rows(self.rows);
             self.backward = Some(BackwardBuffers {
                 image_gradients: Buffer::new(gpu, "image gradients", pixels * self.rows)?,
-                gradients: HeadGradients::new(gpu, map, self.rows, color)?,
+                gradients: GradientBuffers::new(gpu, map, self.rows, color)?,
                 records: Buffer::new(gpu, "records", records)?,
             });
         }
@@ -155,18 +155,19 @@ impl HeadPass {
     ) {
         let head = arrays.head(self.kind);
         let projected = &self.forward().projected;
-        self.project.forward(recorder, &arguments, (&arrays.means.values, head), projected);
+        let means = &arrays.means.values;
+        self.project.forward(recorder, &arguments, means, head, projected);
         self.arguments = Some(arguments);
     }
 
     /// Records binning and blending. Needs [`HeadPass::project`] and [`Binning::rank`].
     pub fn blend(&self, recorder: &mut Recorder<'_>, binning: &Binning, arrays: &Arrays) {
         let (forward, lists) = (self.forward(), self.lists());
-        let view = (&forward.projected, binning.ranks());
-        binning.tiles.list(recorder, lists.arguments, view, (&forward.hits, &binning.sort));
-        let image = (&forward.image, &forward.pixels);
+        let ForwardBuffers { projected, hits, image, pixels } = forward;
+        let (ranks, sort) = (binning.ranks(), &binning.sort);
+        binning.tiles.list(recorder, lists.arguments, projected, ranks, hits, sort);
         let features = &arrays.head(self.kind).features.values;
-        self.blend.forward(recorder, lists, features, image);
+        self.blend.forward(recorder, lists, features, image, pixels);
     }
 
     /// Records the backward pass: dL/dimage to dL/dparameters. Needs the forward pass of the same
@@ -174,15 +175,17 @@ impl HeadPass {
     pub fn backward(&self, recorder: &mut Recorder<'_>, ranks: &Ranks, arrays: &Arrays) {
         let (forward, backward, lists) = (self.forward(), self.backward_buffers(), self.lists());
         let head = arrays.head(self.kind);
-        let image = (&forward.pixels, &backward.image_gradients);
-        self.blend.backward(recorder, lists, &head.features.values, image, &backward.records);
-        self.project.backward(
-            recorder,
-            lists.arguments,
-            (&arrays.means.values, &head.geometry.values),
-            (ranks, &forward.hits, &backward.records),
-            &backward.gradients,
-        );
+        let BackwardBuffers { image_gradients, gradients, records } = backward;
+        let (features, pixels) = (&head.features.values, &forward.pixels);
+        self.blend.backward(recorder, lists, features, pixels, image_gradients, records);
+        let inputs = BackwardInputs {
+            means: &arrays.means.values,
+            geometry: &head.geometry.values,
+            ranks,
+            hits: &forward.hits,
+            records,
+        };
+        self.project.backward(recorder, lists.arguments, inputs, gradients);
     }
 
     /// Number of hits that the lists hold.
@@ -238,9 +241,9 @@ impl HeadPass {
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn contributions(&self, gpu: &Gpu, ranks: &Ranks) -> Result<Vec<[f32; 2]>, GpuError> {
         let (forward, lists) = (self.forward(), self.lists());
-        let records = Buffer::new(gpu, "touch records", forward.hits.capacity())?;
+        let records = Buffer::new(gpu, "contribution records", forward.hits.capacity())?;
         let mut recorder = Recorder::new(gpu)?;
-        self.blend.touch(&mut recorder, lists, &forward.pixels, &records);
+        self.blend.contributions(&mut recorder, lists, &forward.pixels, &records);
         recorder.submit();
         let visible = ranks.visible.read(gpu, 1)?[0].count as usize;
         let gaussians = ranks.gaussian_from_rank.read(gpu, visible)?;
@@ -274,10 +277,10 @@ impl HeadPass {
     }
 
     /// What blending reads of the last view.
-    fn lists(&self) -> Lists<'_> {
+    fn lists(&self) -> TileLists<'_> {
         let forward = self.forward();
         let arguments = self.arguments.as_ref().expect("projected before");
-        Lists { arguments, splats: &forward.projected.splats, hits: &forward.hits }
+        TileLists { arguments, splats: &forward.projected.splats, hits: &forward.hits }
     }
 
     fn forward(&self) -> &ForwardBuffers {

@@ -1,4 +1,4 @@
-//! Rendered images and what is measured of them.
+//! Rendered images, and measurements on them.
 
 use crate::device::Buffer;
 use crate::shader::layout::{PixelState, Row};
@@ -36,7 +36,7 @@ pub struct LanguageImage {
 /// How much work a color picture is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Workload {
-    /// Gaussians that the view sees.
+    /// Visible Gaussians.
     pub visible: usize,
     /// (Gaussian, tile) pairs.
     pub hits: usize,
@@ -54,7 +54,7 @@ pub struct Drawn<'a> {
     pub pixels: &'a Buffer<PixelState>,
 }
 
-/// What one Gaussian gave to a picture.
+/// What one Gaussian contributes to an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Contribution {
     /// Sum over pixels of its blending weight.

@@ -1,5 +1,5 @@
-//! Every constant and struct that both Rust and WGSL see. The WGSL header is made from this file; a
-//! test without a device compares size, offsets and names through naga.
+//! Constants and structs that Rust and WGSL share. The WGSL header is made from this file. A test
+//! compares size, offsets and names through naga, without a device.
 //!
 //! Arrays of parameters are plain `vec4<f32>` rows: a mean is one row (x, y, z, 0), a head's
 //! geometry two rows (rotation w x y z; log scale x y z, opacity logit), a feature `channels / 4`
@@ -35,7 +35,7 @@ macro_rules! structs {
         #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
         pub struct $name { $($(#[$field_doc])* pub $field: $kind,)* })*
 
-        /// Every struct above, as WGSL must see it.
+        /// Every struct above, with its layout in WGSL.
         pub const STRUCTS: &[Struct] = &[$(Struct {
             name: stringify!($name),
             size: size_of::<$name>(),
@@ -75,20 +75,20 @@ constants! {
     GROUPS_PER_AXIS: u32 = 65_535;
     /// Elements that one thread sums or scans.
     RUN: u32 = 64;
-    /// Tiles whose test results fit into the mask of a Gaussian.
+    /// Tiles that the mask of a Gaussian has bits for.
     MASK_TILES: u32 = 32;
     /// Gaussians nearer than this, in metres, are not drawn.
     NEAR: f32 = 0.1;
-    /// Bits of a depth that do not count for the order: what is left tells apart two millionths.
+    /// Lowest bits of a depth that the depth sort ignores: two parts in a million.
     DEPTH_SHIFT: u32 = 4;
     /// Gaussians farther than this, in metres, are not drawn.
     FAR: f32 = 1e6;
-    /// Added to the diagonal of the projected covariance, in square pixels. Kerbl et al. 2023 have 0.3,
-    /// which blurs what a pixel can tell apart: less of it shows edges as sharp as cameras do.
+    /// Added to the diagonal of the projected covariance, in square pixels. Kerbl et al. 2023 use 0.3;
+    /// a smaller value blurs less and gives edges as sharp as those of a camera.
     DILATION: f32 = 0.1;
-    /// A blend never gets more opaque than this.
+    /// Largest alpha of one Gaussian at a pixel.
     MAX_ALPHA: f32 = 0.99;
-    /// A blend below this, 1/255, is skipped.
+    /// Gaussians with a smaller alpha at a pixel are skipped; 1/255.
     MIN_ALPHA: f32 = 0.003_921_569;
     /// A pixel is full before its transmittance falls below this.
     MIN_TRANSMITTANCE: f32 = 1e-4;
@@ -145,7 +145,7 @@ structs! {
         focal: [f32; 2] => "vec2<f32>",
         /// Principal point, in pixels.
         centre: [f32; 2] => "vec2<f32>",
-        /// Largest |x/z| and |y/z| that the Jacobian sees.
+        /// Bound on |x/z| and |y/z| in the Jacobian.
         limit: [f32; 2] => "vec2<f32>",
         /// Width and height, in pixels.
         size: [u32; 2] => "vec2<u32>",
@@ -162,7 +162,7 @@ structs! {
         /// Fills the struct to 112 bytes.
         spare: [u32; 2] => "vec2<u32>",
     }
-    /// A Gaussian as one camera sees it: alpha = 2^(level - first dx^2 - second (dy - lean dx)^2) at
+    /// A Gaussian projected into one camera: alpha = 2^(level - first dx^2 - second (dy - lean dx)^2) at
     /// an offset (dx, dy) from its centre.
     Splat {
         /// Centre, in pixels; first; lean.
@@ -170,7 +170,7 @@ structs! {
         /// Second; level; z in the camera, metres; by how much the power may fall before alpha is
         /// below `MIN_ALPHA`.
         form: Row => "vec4<f32>",
-        /// Color; depth once more. Zeros for language, whose features are too long to be carried.
+        /// Color and depth. Zeros for language: its features are too long to be stored here.
         feature: Row => "vec4<f32>",
         /// Half width and height of the visible ellipse, in pixels.
         extent: [f32; 2] => "vec2<f32>",
@@ -189,7 +189,7 @@ structs! {
         /// Columns of the rectangle; 0 if it has more than `MASK_TILES` tiles.
         width: u32 => "u32",
     }
-    /// What the backward blend must know of a pixel.
+    /// State of a pixel after the forward blend.
     PixelState {
         /// Light that passes all Gaussians.
         transmittance: f32 => "f32",
@@ -205,7 +205,7 @@ structs! {
         /// Workgroups for one thread per hit in the lists.
         groups: [u32; 3] => "array<u32, 3>",
     }
-    /// How many Gaussians a view sees.
+    /// Number of visible Gaussians of a view.
     Visible {
         /// Gaussians with a hit.
         count: u32 => "u32",
@@ -227,7 +227,7 @@ structs! {
         stride: u32 => "u32",
         /// The row of an element that is summed.
         row: u32 => "u32",
-        /// Where the first sum goes.
+        /// Index of the first sum in the output.
         slot: u32 => "u32",
     }
     /// For the sort.
@@ -297,7 +297,7 @@ structs! {
         low: Row => "vec4<f32>",
         /// Cells per metre along each axis; then a zero.
         scale: Row => "vec4<f32>",
-        /// Fills what is left to a vector's border.
+        /// Fills the struct to a multiple of 16 bytes.
         unused: [u32; 3] => "vec3<u32>",
         /// Number of Gaussians.
         count: u32 => "u32",
@@ -349,10 +349,10 @@ structs! {
     }
 }
 
-/// Turns that one loop of a kernel may take. Mesa's llvmpipe ends loops without a word after 65,535
-/// turns of all loops of a thread together.
+/// Most iterations of one loop of a kernel. Mesa's llvmpipe silently ends loops after 65,535
+/// iterations of all loops of a thread together.
 pub const LONGEST_LOOP: usize = 1 << 14;
-/// Most tiles of a picture, for the same reason: a thread may walk over all of them.
+/// Most tiles of an image, for the same reason: a thread may loop over all of them.
 pub const MAX_TILES: usize = 60_000;
 
 /// Rows that hold `channels` values.

@@ -1,4 +1,4 @@
-//! Recording of dispatches. The only file that knows WebGPU's limit on the workgroups per axis.
+//! Recording of dispatches. WebGPU's limit on the workgroups per axis is handled here only.
 
 use bytemuck::Pod;
 
@@ -69,14 +69,15 @@ impl<'a> Recorder<'a> {
         self.record(kernel, bytemuck::bytes_of(arguments), buffers, Groups::Known(groups));
     }
 
-    /// As [`Recorder::dispatch`], with three counts of workgroups that lie in a buffer on the
-    /// device, from a byte on.
+    /// As [`Recorder::dispatch`], with the counts of workgroups in a buffer on the device: three
+    /// `u32` from `byte` on.
     pub fn dispatch_indirect<A: Pod>(
         &mut self,
         kernel: &Kernel,
         arguments: &A,
         buffers: &[&wgpu::Buffer],
-        (counts, byte): (&wgpu::Buffer, usize),
+        counts: &wgpu::Buffer,
+        byte: usize,
     ) {
         let groups = Groups::InBuffer(counts, byte);
         self.record(kernel, bytemuck::bytes_of(arguments), buffers, groups);
@@ -169,7 +170,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Copies the first `bytes` bytes, a multiple of four, of one buffer to a place in another.
-    pub fn copy(&mut self, from: &wgpu::Buffer, (to, at): (&wgpu::Buffer, u64), bytes: u64) {
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, at: u64, bytes: u64) {
         self.pass = None;
         if bytes > 0 {
             self.encoder.copy_buffer_to_buffer(from, 0, to, at, bytes);
@@ -183,8 +184,8 @@ impl<'a> Recorder<'a> {
         index
     }
 
-    /// Places `arguments` in the next uniform slot, whose offset it returns; a full buffer is
-    /// submitted first.
+    /// Places `arguments` in the next uniform slot and returns its offset. A full buffer is submitted
+    /// first.
     fn place(&mut self, arguments: &[u8]) -> u64 {
         assert!(arguments.len() as u64 <= UNIFORM_BYTES, "uniform struct too large");
         if self.arguments.len() as u64 == UNIFORM_SLOTS * UNIFORM_BYTES {

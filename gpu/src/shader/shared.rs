@@ -4,15 +4,15 @@
 pub const GRID: &str = include_str!("shared/grid.wgsl");
 /// Shared WGSL: pixels of a lane, and one Gaussian at four pixels.
 pub const TILE: &str = include_str!("shared/tile.wgsl");
-/// Shared WGSL: how a batch of hits is loaded and handed round.
+/// Shared WGSL: loading and publishing a batch of hits.
 pub const HITS: &str = include_str!("shared/hits.wgsl");
-/// Shared WGSL: how lanes talk where a tile is one subgroup.
+/// Shared WGSL: exchange between lanes where a tile is one subgroup.
 pub const LANES_SUBGROUP: &str = include_str!("shared/lanes_subgroup.wgsl");
-/// Shared WGSL: how lanes talk through workgroup memory.
+/// Shared WGSL: exchange between lanes through workgroup memory.
 pub const LANES_WORKGROUP: &str = include_str!("shared/lanes_workgroup.wgsl");
 /// Shared WGSL: the conic of a splat.
 pub const CONIC: &str = include_str!("shared/conic.wgsl");
-/// Shared WGSL: which tiles a splat meets; needs [`CONIC`].
+/// Shared WGSL: the tiles that a splat overlaps; needs [`CONIC`].
 pub const EXTENT: &str = include_str!("shared/extent.wgsl");
 /// Shared WGSL: log scales to scales.
 pub const SCALES: &str = include_str!("shared/scales.wgsl");

@@ -1,9 +1,9 @@
-//! How the pixels of a tile are spread over the threads of a workgroup ("lanes"), and by what those
-//! threads talk.
+//! How the pixels of a tile are assigned to the threads of a workgroup ("lanes"), and how the lanes
+//! exchange values.
 //!
-//! A lane owns `strips` strips of four neighbouring pixels in one row of the tile. Where the adapter
-//! runs every workgroup as exactly one subgroup, lanes hand each other values through registers;
-//! elsewhere through workgroup memory. The kernels' text is the same: they call the functions of
+//! A lane owns `strips` strips of four neighbouring pixels in one row of the tile. Where every
+//! workgroup is exactly one subgroup, lanes exchange values in registers, elsewhere in workgroup
+//! memory. The text of the kernels is the same: they call the functions of
 //! `shared/lanes_subgroup.wgsl` or of `shared/lanes_workgroup.wgsl`.
 
 use crate::device::Tier;
@@ -12,7 +12,7 @@ use crate::shader::shared::{LANES_SUBGROUP, LANES_WORKGROUP};
 
 /// Bytes of workgroup memory that a batch may fill; WebGPU guarantees 16 KiB.
 const BATCH_BYTES: u32 = 14 << 10;
-/// Hits that lanes load and hand round together, at most.
+/// Most hits in a batch that the lanes load and exchange together.
 const BATCH: u32 = 8;
 /// Bytes of a `vec4<f32>`.
 const ROW_BYTES: u32 = 16;
@@ -26,7 +26,7 @@ pub struct Tiling {
     pub strips: u32,
     /// Lanes side by side in a row of the tile.
     pub columns: u32,
-    /// Whether lanes talk through subgroup operations.
+    /// Whether lanes exchange values with subgroup operations.
     pub subgroups: bool,
 }
 
@@ -56,15 +56,15 @@ impl Tiling {
         [4 * self.strips * self.columns, self.lanes / self.columns]
     }
 
-    /// WGSL through which lanes talk.
+    /// WGSL functions to exchange values between lanes.
     pub fn part(&self) -> &'static str {
         if self.subgroups { LANES_SUBGROUP } else { LANES_WORKGROUP }
     }
 
-    /// Constants of a kernel whose lanes hand round `published` rows per hit and leave records of
-    /// `left` rows.
-    pub fn constants(&self, published: u32, left: u32) -> Vec<(&'static str, Constant)> {
-        let rows_per_hit = if self.subgroups { 1 } else { published + left * self.lanes };
+    /// Constants of a kernel whose lanes exchange `published` rows per hit and sum records of
+    /// `record_rows` rows.
+    pub fn constants(&self, published: u32, record_rows: u32) -> Vec<(&'static str, Constant)> {
+        let rows_per_hit = if self.subgroups { 1 } else { published + record_rows * self.lanes };
         let fits = (BATCH_BYTES / (rows_per_hit * ROW_BYTES)).max(1);
         let batch = BATCH.min(self.lanes).min(1 << fits.ilog2());
         let [width, height] = self.size();
@@ -76,7 +76,7 @@ impl Tiling {
             ("TILE_HEIGHT", height),
             ("BATCH", batch),
             ("PUBLISHED", published),
-            ("LEFT", left.max(1)),
+            ("RECORD_ROWS", record_rows.max(1)),
             ("FOLDS", batch.ilog2()),
             ("STEPS", self.lanes.ilog2() - batch.ilog2()),
         ]

@@ -8,22 +8,22 @@ use crate::pass::{HeadPass, Renderer};
 use crate::primitives::reduce::{Reduce, ReduceScratch, Summands};
 use crate::shader::Recorder;
 use crate::shader::layout::Row;
-use crate::train::adam::{Adam, Gradients, HeadRates, LearningRates, Seen};
-use crate::train::loss::Loss;
+use crate::train::adam::{Adam, HeadRates, LearningRates, ParameterGradients, SeenGaussians};
+use crate::train::loss::{Loss, LossBuffers, ScaleLoss};
 use crate::train::step::{
     COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
 };
-use crate::train::ties::{Tie, Ties};
+use crate::train::ties::{TieKernels, Ties};
 
 /// Loss, sums, optimiser and ties, with their scratch buffers.
 pub(super) struct StepKernels {
     loss: Loss,
     reduce: Reduce,
     adam: Adam,
-    tie: Tie,
+    tie: TieKernels,
     /// Which parameters the heads share.
     pub(super) ties: Ties,
-    /// The results of the step that runs; see [`StepReport`](crate::train::StepReport).
+    /// The results of the current step; see [`StepReport`](crate::train::StepReport).
     pub(super) results: Buffer<Row>,
     color: Option<HeadScratch>,
     language: Option<HeadScratch>,
@@ -52,7 +52,7 @@ impl StepKernels {
             loss: Loss::new(gpu)?,
             reduce: Reduce::new(gpu)?,
             adam: Adam::new(gpu)?,
-            tie: Tie::new(gpu)?,
+            tie: TieKernels::new(gpu)?,
             ties: Ties::default(),
             results: Buffer::new(gpu, "results", RESULT_ROWS)?,
             color: None,
@@ -104,33 +104,41 @@ impl StepKernels {
         let Some(target) = &step.job.color else { return };
         let (pass, scratch) = self.head(step.renderer, HeadKind::Color);
         let backward = pass.backward_buffers();
-        let buffers = (pass.image(), &backward.image_gradients, &scratch.terms);
-        self.loss.color(recorder, (target, step.job.exposure), &step.job.weights, buffers);
+        let buffers = LossBuffers {
+            image: pass.image(),
+            gradients: &backward.image_gradients,
+            terms: &scratch.terms,
+        };
+        self.loss.color(recorder, target, step.job.exposure, &step.job.weights, buffers);
         let len = step.job.camera.pixels();
-        let terms = Summands { rows: &scratch.terms, len, row: (1, 0), limit: None };
-        self.reduce.sum(recorder, terms, (&self.results, COLOR_ROW), &scratch.sums);
+        let terms = Summands { rows: &scratch.terms, len, stride: 1, row: 0, limit: None };
+        self.reduce.sum(recorder, terms, &self.results, COLOR_ROW, &scratch.sums);
         let ranks = step.renderer.binning().ranks();
         pass.backward(recorder, ranks, step.map.arrays);
         for (row, slot) in [(1, POSE_ROW), (2, POSE_ROW + 1)] {
             let moves = Summands {
                 rows: &backward.gradients.moves,
                 len: step.map.count,
-                row: (MOVE_ROWS as u32, row),
+                stride: MOVE_ROWS as u32,
+                row,
                 limit: Some(&ranks.visible),
             };
-            self.reduce.sum(recorder, moves, (&self.results, slot), &scratch.sums);
+            self.reduce.sum(recorder, moves, &self.results, slot, &scratch.sums);
         }
     }
 
     fn record_language(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
         let Some((camera, target)) = &step.job.language else { return };
         let (pass, scratch) = self.head(step.renderer, HeadKind::Language);
-        let image_gradients = &pass.backward_buffers().image_gradients;
-        let buffers = (pass.image(), image_gradients, &scratch.terms);
+        let buffers = LossBuffers {
+            image: pass.image(),
+            gradients: &pass.backward_buffers().image_gradients,
+            terms: &scratch.terms,
+        };
         self.loss.language(recorder, target, &step.job.weights, buffers);
         let len = camera.pixels();
-        let terms = Summands { rows: &scratch.terms, len, row: (1, 0), limit: None };
-        self.reduce.sum(recorder, terms, (&self.results, LANGUAGE_ROW), &scratch.sums);
+        let terms = Summands { rows: &scratch.terms, len, stride: 1, row: 0, limit: None };
+        self.reduce.sum(recorder, terms, &self.results, LANGUAGE_ROW, &scratch.sums);
         pass.backward(recorder, step.renderer.binning().ranks(), step.map.arrays);
     }
 
@@ -139,12 +147,8 @@ impl StepKernels {
         if step.job.color.is_none() || weight <= 0.0 {
             return;
         }
-        let (pass, scratch) = self.head(step.renderer, HeadKind::Color);
-        let ranks = step.renderer.binning().ranks();
-        let color = &step.map.arrays.color.geometry.values;
-        let outputs = (&pass.backward_buffers().gradients.geometry, &scratch.terms);
-        self.loss.isotropic(recorder, (weight, step.map.count), (ranks, color), outputs);
-        self.sum_visible(recorder, step, scratch, ISOTROPIC_ROW);
+        self.loss.isotropic(recorder, self.scale_loss(step, HeadKind::Color, weight));
+        self.sum_visible(recorder, step, self.scratch(HeadKind::Color), ISOTROPIC_ROW);
     }
 
     fn record_tie(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {
@@ -152,13 +156,27 @@ impl StepKernels {
         if step.job.language.is_none() || weight <= 0.0 || self.ties.scale {
             return;
         }
-        let (pass, scratch) = self.head(step.renderer, HeadKind::Language);
-        let arrays = step.map.arrays;
-        let (color, language) = (&arrays.color.geometry.values, &arrays.language.geometry.values);
-        let inputs = (step.renderer.binning().ranks(), color, language);
-        let outputs = (&pass.backward_buffers().gradients.geometry, &scratch.terms);
-        self.loss.tie(recorder, (weight, step.map.count), inputs, outputs);
-        self.sum_visible(recorder, step, scratch, TIE_ROW);
+        let language = &step.map.arrays.language.geometry.values;
+        self.loss.tie(recorder, language, self.scale_loss(step, HeadKind::Language, weight));
+        self.sum_visible(recorder, step, self.scratch(HeadKind::Language), TIE_ROW);
+    }
+
+    /// The inputs and outputs of a term of the loss on the scales of a head.
+    fn scale_loss<'a>(
+        &'a self,
+        step: StepContext<'a>,
+        head: HeadKind,
+        weight: f32,
+    ) -> ScaleLoss<'a> {
+        let (pass, scratch) = self.head(step.renderer, head);
+        ScaleLoss {
+            weight,
+            count: step.map.count,
+            ranks: step.renderer.binning().ranks(),
+            color: &step.map.arrays.color.geometry.values,
+            gradients: &pass.backward_buffers().gradients.geometry,
+            terms: &scratch.terms,
+        }
     }
 
     /// Sums one term of the loss over the visible Gaussians.
@@ -170,8 +188,9 @@ impl StepKernels {
         row: u32,
     ) {
         let limit = Some(&*step.renderer.binning().ranks().visible);
-        let terms = Summands { rows: &scratch.terms, len: step.map.count, row: (1, 0), limit };
-        self.reduce.sum(recorder, terms, (&self.results, row), &scratch.sums);
+        let terms =
+            Summands { rows: &scratch.terms, len: step.map.count, stride: 1, row: 0, limit };
+        self.reduce.sum(recorder, terms, &self.results, row, &scratch.sums);
     }
 
     fn record_adam(
@@ -184,16 +203,16 @@ impl StepKernels {
         let (ranks, count) = (step.renderer.binning().ranks(), step.map.count);
         if color && language && !self.ties.is_none() {
             let gradients = |head| &step.renderer.head(head).backward_buffers().gradients;
-            let both = (gradients(HeadKind::Color), gradients(HeadKind::Language));
-            self.tie.merge(recorder, (self.ties, count), both, ranks);
+            let (color, language) = (gradients(HeadKind::Color), gradients(HeadKind::Language));
+            self.tie.merge(recorder, &self.ties.arguments(count), color, language, ranks);
         }
         let tied = self.ties.rows();
         let free = tied.map(|row| row.map(|tied| 1.0 - tied));
         if color {
-            self.update_head(recorder, step, HeadKind::Color, (&rates.color, [[1.0; 4]; 2]));
+            self.update_head(recorder, step, HeadKind::Color, &rates.color, [[1.0; 4]; 2]);
         }
         if language {
-            self.update_head(recorder, step, HeadKind::Language, (&rates.language, free));
+            self.update_head(recorder, step, HeadKind::Language, &rates.language, free);
         }
         if language && !color && !self.ties.is_none() {
             // The color head has no gradient of its own in this step: the tied parameters follow
@@ -205,15 +224,17 @@ impl StepKernels {
         if color {
             let (pass, scratch) = self.head(step.renderer, HeadKind::Color);
             let rows = (&pass.backward_buffers().gradients.moves, MOVE_ROWS);
-            let gradients = Gradients { ranks, rows, corrections: &scratch.corrections, count };
+            let gradients =
+                ParameterGradients { ranks, rows, corrections: &scratch.corrections, count };
             self.adam.update(recorder, &step.map.arrays.means, [[rates.mean; 4]; 2], gradients);
         }
         if !self.ties.is_none() {
             let head = if color { HeadKind::Color } else { HeadKind::Language };
-            let moved = (ranks, &self.scratch(head).corrections);
-            let arrays = step.map.arrays;
-            let heads = (&arrays.color.geometry.values, &arrays.language.geometry.values);
-            self.tie.copy(recorder, (self.ties, count), moved, heads);
+            let (arguments, arrays) = (self.ties.arguments(count), step.map.arrays);
+            let corrections = &self.scratch(head).corrections;
+            let (color, language) = (&arrays.color.geometry, &arrays.language.geometry);
+            let values = (&color.values, &language.values);
+            self.tie.copy(recorder, &arguments, ranks, corrections, values.0, values.1);
         }
     }
 
@@ -224,7 +245,8 @@ impl StepKernels {
         recorder: &mut Recorder<'_>,
         step: StepContext<'_>,
         head: HeadKind,
-        (rates, share): (&HeadRates, [Row; 2]),
+        rates: &HeadRates,
+        share: [Row; 2],
     ) {
         let (pass, scratch) = self.head(step.renderer, head);
         let (ranks, count) = (step.renderer.binning().ranks(), step.map.count);
@@ -232,18 +254,23 @@ impl StepKernels {
         let HeadScratch { corrections, .. } = scratch;
         let gradients = &pass.backward_buffers().gradients;
         let counts = hit_counts(step).map(HeadPass::hit_count);
-        let seen = Seen { ranks, sums: (&gradients.sums, gradients.sum_rows), counts, count };
+        let seen =
+            SeenGaussians { ranks, sums: (&gradients.sums, gradients.sum_rows), counts, count };
         self.adam.advance(recorder, seen, &arrays.steps, corrections);
         let geometry = self.geometry_gradients(step, head);
         self.adam.update(recorder, &arrays.geometry, scaled(rates.geometry(), share), geometry);
         let rows = (&gradients.features, arrays.features.rows);
-        let features = Gradients { ranks, rows, corrections, count };
+        let features = ParameterGradients { ranks, rows, corrections, count };
         self.adam.update(recorder, &arrays.features, [[rates.feature; 4]; 2], features);
     }
 
-    fn geometry_gradients<'a>(&'a self, step: StepContext<'a>, head: HeadKind) -> Gradients<'a> {
+    fn geometry_gradients<'a>(
+        &'a self,
+        step: StepContext<'a>,
+        head: HeadKind,
+    ) -> ParameterGradients<'a> {
         let (pass, scratch) = self.head(step.renderer, head);
-        Gradients {
+        ParameterGradients {
             ranks: step.renderer.binning().ranks(),
             rows: (&pass.backward_buffers().gradients.geometry, 2),
             corrections: &scratch.corrections,
@@ -268,7 +295,7 @@ impl StepKernels {
     }
 }
 
-/// The heads of a step; one head alone stands twice.
+/// The heads of a step. A single head is given twice.
 fn hit_counts(step: StepContext<'_>) -> [&HeadPass; 2] {
     let color = step.job.color.as_ref().map(|_| step.renderer.head(HeadKind::Color));
     let language = step.job.language.as_ref().map(|_| step.renderer.head(HeadKind::Language));

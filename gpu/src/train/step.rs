@@ -1,4 +1,4 @@
-//! What goes into a training step and what comes out of it.
+//! Input and report of a training step.
 
 use crate::device::{GpuError, expect_len};
 use crate::pass::{Camera, HeadCameras};
@@ -36,7 +36,7 @@ pub struct TrainingView<'a> {
     pub exposure: [f32; 2],
 }
 
-/// What a step measured before it moved anything.
+/// Measurements of a step, taken before the optimiser moved anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Terms of the loss.
@@ -120,7 +120,7 @@ impl StepReport {
     }
 }
 
-fn check_size(camera: &Camera, (width, height): (u32, u32)) -> Result<(), GpuError> {
+fn check_size(camera: &Camera, [width, height]: [u32; 2]) -> Result<(), GpuError> {
     camera.check()?;
     expect_len("target width", camera.width as usize, width as usize)?;
     expect_len("target height", camera.height as usize, height as usize)

@@ -43,11 +43,12 @@ impl ColorTarget {
     /// [`GpuError::ShapeMismatch`], [`GpuError::OutOfMemory`].
     pub fn new(
         gpu: &Gpu,
-        (width, height): (u32, u32),
+        width: u32,
+        height: u32,
         rgb8: &[u8],
         depth_metres: &[f32],
     ) -> Result<Self, GpuError> {
-        Self::masked(gpu, (width, height), rgb8, depth_metres, |_| true)
+        Self::masked(gpu, width, height, rgb8, depth_metres, |_| true)
     }
 
     /// As [`ColorTarget::new`], with color only where `valid(pixel)`; pixels are counted row by
@@ -57,7 +58,8 @@ impl ColorTarget {
     /// As [`ColorTarget::new`].
     pub fn masked(
         gpu: &Gpu,
-        (width, height): (u32, u32),
+        width: u32,
+        height: u32,
         rgb8: &[u8],
         depth_metres: &[f32],
         valid: impl Fn(usize) -> bool,
@@ -86,8 +88,8 @@ impl ColorTarget {
     }
 
     /// Width and height, in pixels.
-    pub fn size(&self) -> (u32, u32) {
-        (self.inner.width, self.inner.height)
+    pub fn size(&self) -> [u32; 2] {
+        [self.inner.width, self.inner.height]
     }
 
     /// Bytes on the device.
@@ -125,8 +127,8 @@ impl LanguageTarget {
     }
 
     /// Width and height, in pixels.
-    pub fn size(&self) -> (u32, u32) {
-        (self.inner.width, self.inner.height)
+    pub fn size(&self) -> [u32; 2] {
+        [self.inner.width, self.inner.height]
     }
 
     /// Bytes on the device.

@@ -112,7 +112,8 @@ impl Trainer {
     pub fn look(
         &mut self,
         gaussians: &Gaussians,
-        (camera, target): (&Camera, &ColorTarget),
+        camera: &Camera,
+        target: &ColorTarget,
         exposure: [f32; 2],
         weights: &LossWeights,
     ) -> Result<StepReport, GpuError> {
@@ -163,8 +164,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Takes the steps again whose lists overflowed. Steps that are still in flight are collected
-    /// first, since they may have overflowed too.
+    /// Repeats the steps that overflowed their lists. Steps in flight are collected first, since they
+    /// may have overflowed too.
     fn repeat_overflowed(&mut self, gaussians: &Gaussians) -> Result<(), GpuError> {
         if self.in_flight.overflowed.is_empty() {
             return Ok(());
@@ -197,13 +198,13 @@ impl Trainer {
         self.renderer.record_forward(&mut recorder, map, job.cameras());
         let step = StepContext { renderer: &self.renderer, map, job: &job };
         self.kernels.record(&mut recorder, step);
-        recorder.copy(results, (&report, 0), results.size());
+        recorder.copy(results, &report, 0, results.size());
         let used = [job.color.is_some(), job.language.is_some()];
         let bytes = size_of::<HitCount>() as u64;
         for (used, (head, offset)) in used.into_iter().zip(count_offsets(results.size())) {
             if used {
                 let count = self.renderer.head(head).hit_count();
-                recorder.copy(count, (&report, offset), bytes);
+                recorder.copy(count, &report, offset, bytes);
             }
         }
         let submission = recorder.submit();

@@ -2,7 +2,7 @@
 
 use crate::room::{Bench, Frame, camera, distance, motion, shoot, texture};
 
-use crate::oracle::align::{self as oracle, Seen};
+use crate::oracle::align::{self as oracle, PixelResiduals};
 use crate::oracle::pyramid::{self as levels, HostLevel};
 use lexsplat_gpu::align::{Prior, Robust, align, se3};
 use lexsplat_gpu::{AlignSettings, Camera, Estimate, GpuError, NormalSystem, Schedule};
@@ -125,7 +125,8 @@ fn jacobians_are_the_slopes_of_residuals() {
     let estimate = on_the_way(0.7);
     let levels = (&reference, &live);
     let residuals = |estimate: &Estimate, pixel: usize| -> Option<[oracle::Residual; 2]> {
-        let Seen { photometric, geometric, .. } = oracle::pixel(levels, estimate, &settings, pixel);
+        let PixelResiduals { photometric, geometric, .. } =
+            oracle::pixel(levels, estimate, &settings, pixel);
         Some([photometric?, geometric?])
     };
     let moved = |axis: usize, by: f64| {

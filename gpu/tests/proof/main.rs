@@ -6,6 +6,7 @@ mod align;
 mod align_speed;
 mod backward;
 mod differences;
+mod example;
 mod forward;
 mod fuzz;
 mod golden;

@@ -6,8 +6,8 @@ use crate::oracle;
 use lexsplat_gpu::pass::order::Ranks;
 use lexsplat_gpu::primitives::sort::Sort;
 use lexsplat_gpu::shader::layout::HitCount;
-use lexsplat_gpu::train::adam::{Adam, Gradients, Seen};
-use lexsplat_gpu::train::loss::Loss;
+use lexsplat_gpu::train::adam::{Adam, ParameterGradients, SeenGaussians};
+use lexsplat_gpu::train::loss::{Loss, LossBuffers, ScaleLoss};
 use lexsplat_gpu::{Buffer, ColorTarget, LossWeights, Parameters, Recorder};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -20,7 +20,7 @@ fn color_loss_matches_the_oracle() {
     let image: Vec<[f32; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random())).collect();
     let rgb: Vec<u8> = (0..3 * pixels).map(|_| rng.random()).collect();
     let depth: Vec<f32> = (0..pixels).map(|i| [0.0, f32::NAN, 0.5, 2.0][i % 4]).collect();
-    let target = ColorTarget::masked(&gpu, (11, 7), &rgb, &depth, |i| i % 5 != 0).expect("fits");
+    let target = ColorTarget::masked(&gpu, 11, 7, &rgb, &depth, |i| i % 5 != 0).expect("fits");
     let buffers = (
         Buffer::from_slice(&gpu, "image", &image).expect("fits"),
         Buffer::<[f32; 4]>::new(&gpu, "gradients", pixels).expect("fits"),
@@ -29,7 +29,8 @@ fn color_loss_matches_the_oracle() {
     let weights = LossWeights { color: 0.9, depth: 0.3, ..LossWeights::default() };
     let mut recorder = Recorder::new(&gpu).expect("fits");
     let exposure = [0.1f32, -0.02];
-    loss.color(&mut recorder, (&target, exposure), &weights, (&buffers.0, &buffers.1, &buffers.2));
+    let outputs = LossBuffers { image: &buffers.0, gradients: &buffers.1, terms: &buffers.2 };
+    loss.color(&mut recorder, &target, exposure, &weights, outputs);
     recorder.submit();
     let (found, terms) = (buffers.1.read(&gpu, pixels), buffers.2.read(&gpu, pixels));
     let (found, terms) = (found.expect("reads"), terms.expect("reads"));
@@ -81,8 +82,11 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
     let ones = vec![[1.0f32; 4]; 100];
     let (d_c, d_f, terms_c, terms_f) = (buffer(&ones), buffer(&ones), buffer(&ones), buffer(&ones));
     let mut recorder = Recorder::new(&gpu).expect("fits");
-    loss.isotropic(&mut recorder, (10.0, 50), (&ranks, &c), (&d_c, &terms_c));
-    loss.tie(&mut recorder, (10.0, 50), (&ranks, &c, &f), (&d_f, &terms_f));
+    let (weight, count, ranks) = (10.0, 50, &ranks);
+    let isotropic = ScaleLoss { weight, count, ranks, color: &c, gradients: &d_c, terms: &terms_c };
+    loss.isotropic(&mut recorder, isotropic);
+    let tie = ScaleLoss { gradients: &d_f, terms: &terms_f, ..isotropic };
+    loss.tie(&mut recorder, &f, tie);
     recorder.submit();
 
     let wide = |scales: &[[f32; 3]]| scales.iter().map(|s| s.map(f64::from)).collect::<Vec<_>>();
@@ -138,8 +142,13 @@ fn adam_matches_the_oracle() {
     let hits = HitCount { drawn: 1, wanted: 1, ..HitCount::default() };
     let counts = Buffer::from_slice(&gpu, "counts", &[hits]).expect("fits");
     let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), count).expect("fits");
-    let seen = Seen { ranks: &ranks, sums: (&sums, 2), counts: [&counts; 2], count };
-    let moves = Gradients { ranks: &ranks, rows: (&gradient, 2), corrections: &corrections, count };
+    let seen = SeenGaussians { ranks: &ranks, sums: (&sums, 2), counts: [&counts; 2], count };
+    let moves = ParameterGradients {
+        ranks: &ranks,
+        rows: (&gradient, 2),
+        corrections: &corrections,
+        count,
+    };
     let rates = [[0.1, 0.2, 0.3, 0.4], [0.01; 4]];
     let is_seen = |step: usize, gaussian: usize| !(step + gaussian).is_multiple_of(3);
     let mut wanted: Vec<_> = values
@@ -202,7 +211,7 @@ fn an_overflowed_list_stops_adam() {
     let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), 1).expect("fits");
     let (whole, cut, sums) = (hits(5, 5), hits(5, 6), rows([1.0; 4]));
     for (counts, moves) in [([&whole, &cut], 0), ([&cut, &whole], 0), ([&whole, &whole], 1)] {
-        let seen = Seen { ranks: &ranks, sums: (&sums, 2), counts, count: 1 };
+        let seen = SeenGaussians { ranks: &ranks, sums: (&sums, 2), counts, count: 1 };
         let mut recorder = Recorder::new(&gpu).expect("fits");
         adam.advance(&mut recorder, seen, &steps, &corrections);
         recorder.submit();

@@ -64,7 +64,7 @@ fn row(gradient: &HeadGradient, i: usize) -> Vec<f32> {
 /// One step towards grey pictures and codes.
 fn step(gpu: &Gpu, trainer: &mut Trainer, map: &mut Gaussians, camera: &Camera) {
     let (pixels, size) = (camera.pixels(), (camera.width, camera.height));
-    let color = ColorTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
+    let color = ColorTarget::new(gpu, size.0, size.1, &vec![128; 3 * pixels], &vec![1.0; pixels]);
     let codes = vec![0.5; CHANNELS * pixels];
     let language = LanguageTarget::new(gpu, size.0, size.1, CHANNELS, &codes).expect("fits");
     let color = color.expect("fits");

@@ -138,8 +138,8 @@ fn reduce_sums_rows_component_by_component() {
         for (row, limit, used) in [(0, None, len), (2, None, len), (1, Some(&half), len / 2)] {
             let mut recorder = Recorder::new(&gpu).expect("fits");
             let limit = limit.map(|limit: &Buffer<u32>| &**limit);
-            let summands = Summands { rows: &buffer, len, row: (3, row), limit };
-            reduce.sum(&mut recorder, summands, (&results, 1), &scratch);
+            let summands = Summands { rows: &buffer, len, stride: 3, row, limit };
+            reduce.sum(&mut recorder, summands, &results, 1, &scratch);
             recorder.submit();
             // Small integers and halves: the sum is exact in f32.
             let mut sum = [0.0; 4];
@@ -164,7 +164,7 @@ fn gather_picks_whole_elements() {
         Buffer::<[u32; 3]>::new(&gpu, "to", 5).expect("fits"),
     );
     let mut recorder = Recorder::new(&gpu).expect("fits");
-    gather.gather(&mut recorder, &buffers.0, 4, (&buffers.1, &buffers.2), 3);
+    gather.gather(&mut recorder, &buffers.0, 4, &buffers.1, &buffers.2, 3);
     recorder.submit();
     let found = buffers.2.read(&gpu, 5).expect("reads");
     assert_eq!(found, [from[99], from[0], from[7], from[7], [0; 3]]);
@@ -181,7 +181,7 @@ fn a_recording_of_any_length_keeps_its_order() {
     let mut recorder = Recorder::new(&gpu).expect("fits");
     for step in 0..603 {
         let (from, to) = (&sides[step % 2], &sides[1 - step % 2]);
-        gather.gather(&mut recorder, &index, 10, (from, to), 1);
+        gather.gather(&mut recorder, &index, 10, from, to, 1);
     }
     recorder.submit();
     let found = sides[1].read(&gpu, 10).expect("reads");

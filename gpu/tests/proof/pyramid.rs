@@ -76,7 +76,7 @@ fn pyramids_of_renders_match_the_oracle() {
     let mut recorder = Recorder::new(&bench.gpu).expect("fits");
     bench
         .pyramids
-        .fill_rendered(&mut recorder, &found, (&buffers.0, &buffers.1))
+        .fill_rendered(&mut recorder, &found, &buffers.0, &buffers.1)
         .expect("large enough");
     recorder.submit();
     let rows: Vec<_> = image.iter().map(|row| row.map(f64::from)).collect();
@@ -94,7 +94,7 @@ fn pyramids_of_renders_match_the_oracle() {
     assert!(solid.rows.iter().any(|row| row[0] < 0.0) && solid.rows.iter().any(|row| row[0] > 0.0));
     let small = Buffer::new(&bench.gpu, "small", 7).expect("fits");
     let mut recorder = Recorder::new(&bench.gpu).expect("fits");
-    let refused = bench.pyramids.fill_rendered(&mut recorder, &found, (&small, &buffers.1));
+    let refused = bench.pyramids.fill_rendered(&mut recorder, &found, &small, &buffers.1);
     assert!(matches!(refused, Err(GpuError::ShapeMismatch { what: "image", .. })));
 }
 

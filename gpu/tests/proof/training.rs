@@ -36,7 +36,7 @@ impl Targets {
         let rgb: Vec<u8> = image.rgb.iter().map(|v| (v * 255.0).round() as u8).collect();
         let codes = renderer.render_language(&map, &labels).expect("renders");
         Self {
-            color: ColorTarget::new(gpu, (67, 45), &rgb, &image.depth).expect("fits"),
+            color: ColorTarget::new(gpu, 67, 45, &rgb, &image.depth).expect("fits"),
             language: LanguageTarget::new(gpu, 33, 22, codes.channels, &codes.codes).expect("fits"),
             camera,
             labels,
@@ -209,7 +209,7 @@ fn wrong_targets_are_refused_and_nothing_to_do_is_done() {
     let mut empty = Gaussians::new(&gpu, 15);
     trainer.step(&mut empty, &targets.view(true, true), &weights, &rates).expect("nothing to do");
     assert!(LanguageTarget::new(&gpu, 1, 1, 2, &[0.0, f32::NAN]).is_err());
-    assert!(ColorTarget::new(&gpu, (2, 1), &[0; 6], &[0.0]).is_err());
+    assert!(ColorTarget::new(&gpu, 2, 1, &[0; 6], &[0.0]).is_err());
 }
 
 /// The report's pose and exposure gradients are those of the loss: against the oracles, on a scene
@@ -270,7 +270,7 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
     let before = disturbed(&scene);
     let exposure = [0.1f32, -0.02];
     let view = TrainingView { exposure, ..targets.view(true, false) };
-    let seen = (&targets.camera, &targets.color);
+    let (camera, color) = (&targets.camera, &targets.color);
     let rates = LearningRates::default();
     let steps = 3;
     // Behind some steps: a look (or none), then what the next step finds and where everything is.
@@ -280,7 +280,8 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
         for _ in 0..steps {
             trainer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
         }
-        let looked = look.then(|| trainer.look(&gaussians, seen, exposure, &DATA).expect("looks"));
+        let looked =
+            look.then(|| trainer.look(&gaussians, camera, color, exposure, &DATA).expect("looks"));
         trainer.step(&mut gaussians, &view, &DATA, &rates).expect("steps");
         let report = trainer.last_report(&mut gaussians).expect("reads");
         (looked, report, gaussians.to_host().expect("reads"))
@@ -295,19 +296,19 @@ fn a_look_finds_what_a_step_finds_and_moves_nothing() {
 
     let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
     let gaussians = map(&gpu, &before);
-    let first = trainer.look(&gaussians, seen, exposure, &DATA).expect("looks");
+    let first = trainer.look(&gaussians, camera, color, exposure, &DATA).expect("looks");
     assert_eq!(gaussians.to_host().expect("reads"), before, "a look alone moves nothing");
     assert_ne!(first, wanted, "steps change what a look finds");
-    let plain = trainer.look(&gaussians, seen, [0.0; 2], &DATA).expect("looks");
+    let plain = trainer.look(&gaussians, camera, color, [0.0; 2], &DATA).expect("looks");
     assert_ne!(first, plain, "and so does exposure");
     let isotropic = LossWeights { isotropic: 10.0, tie: 5.0, ..DATA };
-    let same = trainer.look(&gaussians, seen, exposure, &isotropic).expect("looks");
+    let same = trainer.look(&gaussians, camera, color, exposure, &isotropic).expect("looks");
     assert_eq!(same.losses, first.losses, "only pictures are compared");
     let empty = Gaussians::new(&gpu, 15);
-    let nothing = trainer.look(&empty, seen, exposure, &DATA).expect("looks");
+    let nothing = trainer.look(&empty, camera, color, exposure, &DATA).expect("looks");
     assert_eq!(nothing, lexsplat_gpu::StepReport::default());
     let wrong = targets.camera.resized(30, 20);
-    assert!(trainer.look(&gaussians, (&wrong, &targets.color), exposure, &DATA).is_err());
+    assert!(trainer.look(&gaussians, &wrong, color, exposure, &DATA).is_err());
 }
 
 /// A list that overflows in the middle of a sequence loses no step: the same losses, step by step.

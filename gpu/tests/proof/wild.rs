@@ -192,7 +192,7 @@ fn check_pictures(renderer: &mut Renderer, map: &Gaussians, camera: &Camera, whe
 fn step(gpu: &Gpu, trainer: &mut Trainer, map: &mut Gaussians, camera: &Camera) {
     let pixels = camera.pixels();
     let size = (camera.width, camera.height);
-    let color = ColorTarget::new(gpu, size, &vec![128; 3 * pixels], &vec![1.0; pixels]);
+    let color = ColorTarget::new(gpu, size.0, size.1, &vec![128; 3 * pixels], &vec![1.0; pixels]);
     let codes = vec![0.5; CHANNELS * pixels];
     let language = LanguageTarget::new(gpu, size.0, size.1, CHANNELS, &codes);
     let (color, language) = (color.expect("fits"), language.expect("fits"));

@@ -1,4 +1,4 @@
-//! Morton order: Gaussians that are near each other in the world come to be near each other in
+//! Morton order, which puts Gaussians that are near each other in the world near each other in
 //! memory.
 //!
 //! In: means, one row each, metres. Out: keys of 30 bits, ten per axis, x lowest, over the box
@@ -47,7 +47,7 @@ pub fn shaders() -> [Shader; 3] {
     [bounds("morton_points", true), bounds("morton_boxes", false), codes]
 }
 
-/// A box from `low` to `high` as the kernel sees it.
+/// The uniform for a box from `low` to `high`.
 pub fn arguments(low: Row, high: Row, count: usize) -> MortonArguments {
     let scale = |axis: usize| {
         let extent = high[axis] - low[axis];

@@ -22,7 +22,7 @@
 
 const RECORD: u32 = 2u + ROWS;
 
-/// What a lane knows of its pixels.
+/// State of the pixels of a lane.
 var<private> transmittance: array<vec4<f32>, STRIPS>;
 var<private> behind: array<vec4<f32>, STRIPS>; // B . g
 var<private> last: array<vec4<u32>, STRIPS>;
@@ -90,8 +90,8 @@ fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
             total * at_strip.dy * at_strip.dy, 0.0);
     }
     //end
-    leave(other, 0u, first, lane);
-    leave(other, 1u, second, lane);
+    accumulate(other, 0u, first, lane);
+    accumulate(other, 1u, second, lane);
     //repeat row CHUNK
     {
         var sum = vec4<f32>(0.0);
@@ -102,12 +102,12 @@ fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
                 dot(weights[$s], gradient[g + 2u]), dot(weights[$s], gradient[g + 3u]));
         }
         //end
-        leave(other, 2u + $row, sum, lane);
+        accumulate(other, 2u + $row, sum, lane);
     }
     //end
 }
 
-/// Writes what the lanes left for this lane's hit of the batch.
+/// Writes the record, summed over the lanes, of this lane's hit of the batch.
 fn store_record(slot: u32, lane: u32) {
     let first = record_row(0u, lane);
     let second = record_row(1u, lane);
@@ -148,11 +148,11 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     while stop > range.x {
         let start = max(stop, range.x + BATCH) - BATCH;
         publish_hits(start, stop, lane);
-        meet();
+        sync_lanes();
         //repeat j BATCH
         add_hit(start + BATCH - 1u - $j, BATCH - 1u - $j, corner, lane);
         //end
-        meet();
+        sync_lanes();
         if lane < stop - start { store_record(slot_from_sorted[start + lane], lane); }
         stop = start;
     }

@@ -58,7 +58,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     //end
     for (var start = range.x; start < range.y; start += BATCH) {
         publish_hits(start, range.y, lane);
-        meet();
+        sync_lanes();
         //repeat j BATCH
         blend_hit(start + $j, $j, corner, lane);
         //end

@@ -3,7 +3,7 @@
 //!
 //! One kernel for both heads; rows of the feature (1 for rgb and depth, `channels / 4` for
 //! language) reach WGSL as a constant. A workgroup is a tile, a lane owns pixels in one row of it
-//! (see [`crate::shader::Tiling`]). Lanes load a batch of hits, one each, and hand them round. A dispatch
+//! (see [`crate::shader::Tiling`]). Lanes load a batch of hits, one each, and exchange them. A dispatch
 //! blends at most [`CHUNK_ROWS`] rows; longer features take several. The backward pass leaves one
 //! record per hit in the hit's own slot: no atomics, the same bits each time.
 
@@ -19,14 +19,14 @@ const CHUNK_ROWS: usize = 4;
 /// The blend of one head.
 pub struct Blend {
     forward: Kernel,
-    touch: Kernel,
+    contribute: Kernel,
     backward: Kernel,
     chunks: u32,
 }
 
-/// What the blend of one view reads.
+/// Input of the blend of one view.
 #[derive(Clone, Copy)]
-pub struct Lists<'a> {
+pub struct TileLists<'a> {
     /// The camera.
     pub arguments: &'a PassArguments,
     /// Projected Gaussians.
@@ -35,7 +35,7 @@ pub struct Lists<'a> {
     pub hits: &'a Hits,
 }
 
-impl Lists<'_> {
+impl TileLists<'_> {
     fn tiles(&self) -> u32 {
         self.arguments.tiles[0] * self.arguments.tiles[1]
     }
@@ -61,7 +61,7 @@ const fn chunks(rows: usize) -> usize {
 pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
     use Access::{Read, Write};
     let chunk = rows.div_ceil(chunks(rows)) as u32;
-    let shader = |label, text, (chunk, left): (u32, u32), bindings| Shader {
+    let shader = |label, text, (chunk, record_rows): (u32, u32), bindings| Shader {
         label,
         entry: "main",
         parts: vec![GRID, tiling.part(), shader::TILE, shader::HITS, text],
@@ -69,10 +69,10 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
             ("ROWS", Constant::U32(rows as u32)),
             ("CHUNK", Constant::U32(chunk)),
             ("DEPTH", Constant::Bool(depth)),
-            ("DESCENDING", Constant::Bool(left > 1)),
+            ("DESCENDING", Constant::Bool(record_rows > 1)),
         ]
         .into_iter()
-        .chain(tiling.constants(2 + chunk, left))
+        .chain(tiling.constants(2 + chunk, record_rows))
         .collect(),
         bindings,
     };
@@ -84,8 +84,8 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
             vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
-            if depth { "touch_color" } else { "touch_language" },
-            include_str!("touch.wgsl"),
+            if depth { "contribute_color" } else { "contribute_language" },
+            include_str!("contribute.wgsl"),
             (0, 1),
             vec![Read, Read, Read, Read, Read, Write],
         ),
@@ -104,10 +104,10 @@ impl Blend {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu, rows: usize, depth: bool) -> Result<Self, GpuError> {
-        let [forward, touch, backward] = shaders(Tiling::of(gpu.tier()), rows, depth);
+        let [forward, contribute, backward] = shaders(Tiling::of(gpu.tier()), rows, depth);
         Ok(Self {
             forward: Kernel::new(gpu, &forward)?,
-            touch: Kernel::new(gpu, &touch)?,
+            contribute: Kernel::new(gpu, &contribute)?,
             backward: Kernel::new(gpu, &backward)?,
             chunks: chunks(rows) as u32,
         })
@@ -117,9 +117,10 @@ impl Blend {
     pub fn forward(
         &self,
         recorder: &mut Recorder<'_>,
-        lists: Lists<'_>,
+        lists: TileLists<'_>,
         features: &Buffer<Row>,
-        (image, pixels): (&Buffer<Row>, &Buffer<PixelState>),
+        image: &Buffer<Row>,
+        pixels: &Buffer<PixelState>,
     ) {
         let [ranges, _, gaussians, splats] = lists.buffers();
         let buffers: [&wgpu::Buffer; 6] = [ranges, gaussians, splats, features, image, pixels];
@@ -132,16 +133,16 @@ impl Blend {
     /// Leaves one row per hit in `records`, at the hit's slot: the sum of its blending weights in a
     /// finished forward pass, and the number of pixels that it reaches with more than half of the
     /// light left behind it.
-    pub fn touch(
+    pub fn contributions(
         &self,
         recorder: &mut Recorder<'_>,
-        lists: Lists<'_>,
+        lists: TileLists<'_>,
         pixels: &Buffer<PixelState>,
         records: &Buffer<Row>,
     ) {
         let [ranges, slots, gaussians, splats] = lists.buffers();
         let buffers: [&wgpu::Buffer; 6] = [ranges, slots, gaussians, splats, pixels, records];
-        recorder.dispatch(&self.touch, lists.arguments, &buffers, lists.tiles());
+        recorder.dispatch(&self.contribute, lists.arguments, &buffers, lists.tiles());
     }
 
     /// `features` has `rows` rows per Gaussian. Turns dL/dimage into one record per hit
@@ -149,9 +150,10 @@ impl Blend {
     pub fn backward(
         &self,
         recorder: &mut Recorder<'_>,
-        lists: Lists<'_>,
+        lists: TileLists<'_>,
         features: &Buffer<Row>,
-        (pixels, gradients): (&Buffer<PixelState>, &Buffer<Row>),
+        pixels: &Buffer<PixelState>,
+        gradients: &Buffer<Row>,
         records: &Buffer<Row>,
     ) {
         let [ranges, slots, gaussians, splats] = lists.buffers();

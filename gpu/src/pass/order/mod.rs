@@ -1,10 +1,11 @@
-//! The Gaussians that a view sees, near to far: one depth sort for both heads, whose means are the
-//! same.
+//! The visible Gaussians of a view, sorted by depth. The heads share their means, so one sort serves
+//! both.
 //!
-//! In: what the projection found for one head or for both. Out: the visible Gaussians, in their own
-//! order and by depth (equal depths by index), and how the two orders go into each other. Lists are
-//! made in the order of ranks; gradients and what follows from them in the map's own order, in which
-//! neighbours in memory are met one after the other. A Gaussian that no head shows costs nothing.
+//! In: the projection of one head or of both. Out: the visible Gaussians in the order of the map, the
+//! same by depth (equal depths by index), and the permutation between the two orders. A *rank* is a
+//! place in the order by depth. Tile lists are made in the order of ranks. Gradients are in the order
+//! of the map, where neighbours in memory are read one after the other. A Gaussian that no head shows
+//! costs no further work.
 
 use bytemuck::Pod;
 
@@ -18,7 +19,7 @@ use crate::shader::layout::{
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
 
 /// The kernels that pick and sort.
-pub struct Order {
+pub struct DepthOrder {
     flag: Kernel,
     compact: Kernel,
     invert: Kernel,
@@ -29,13 +30,14 @@ pub struct Ranks {
     sort: SortBuffers,
     slots: Buffer<u32>,
     scan: ScanScratch,
-    /// How many there are.
+    /// Number of visible Gaussians.
     pub visible: Buffer<Visible>,
-    /// Gaussians in their own order; the first `visible.count` count, here and below.
+    /// Visible Gaussians in the order of the map. Here and below the first `visible.count` are
+    /// valid.
     pub gaussian_from_visible: Buffer<u32>,
-    /// Where each of these is by depth.
+    /// Rank of each of these.
     pub rank_from_visible: Buffer<u32>,
-    /// Gaussians by depth.
+    /// Visible Gaussians by depth.
     pub gaussian_from_rank: Buffer<u32>,
 }
 
@@ -109,7 +111,7 @@ impl Ranks {
         buffers: &[&wgpu::Buffer],
     ) {
         let groups = std::mem::offset_of!(Visible, groups);
-        recorder.dispatch_indirect(kernel, arguments, buffers, (&self.visible, groups));
+        recorder.dispatch_indirect(kernel, arguments, buffers, &self.visible, groups);
     }
 
     /// Number of Gaussians that fit.
@@ -123,7 +125,7 @@ impl Ranks {
     }
 }
 
-impl Order {
+impl DepthOrder {
     /// Compiles the kernels.
     ///
     /// # Errors
@@ -137,13 +139,15 @@ impl Order {
         })
     }
 
-    /// Ranks the first `count` Gaussians that one of two heads shows; with one head, give it twice.
+    /// Sorts the first `count` Gaussians that one of two heads shows. With one head, give it twice.
     pub fn rank(
         &self,
         recorder: &mut Recorder<'_>,
-        (one, other): (&Projected, &Projected),
+        one: &Projected,
+        other: &Projected,
         count: usize,
-        (ranks, sort): (&Ranks, &Sort),
+        ranks: &Ranks,
+        sort: &Sort,
     ) {
         let arguments = ArrayArguments { count: count as u32, detail: 0 };
         let coverage: [&wgpu::Buffer; 2] = [&one.coverage, &other.coverage];

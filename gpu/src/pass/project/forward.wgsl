@@ -1,4 +1,4 @@
-// A Gaussian as one camera sees it (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T + DILATION.
+// Projection of a Gaussian into a camera (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T + DILATION.
 // Whatever cannot be drawn, NaN included, gets no hits.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;

@@ -18,7 +18,7 @@ use crate::shader::{
 
 /// Rows of the sums of the color head, and of the language head.
 const SUM_ROWS: [usize; 2] = [3, 2];
-/// Rows of [`HeadGradients::moves`].
+/// Rows of [`GradientBuffers::moves`].
 pub const MOVE_ROWS: usize = 3;
 
 /// The projection of one head.
@@ -28,8 +28,23 @@ pub struct Project {
     backward: Kernel,
 }
 
+/// Input of the backward pass.
+#[derive(Clone, Copy)]
+pub struct BackwardInputs<'a> {
+    /// Means of the map, one row each.
+    pub means: &'a Buffer<Row>,
+    /// Geometry of the head, two rows per Gaussian.
+    pub geometry: &'a Buffer<Row>,
+    /// The visible Gaussians.
+    pub ranks: &'a Ranks,
+    /// The lists of the view.
+    pub hits: &'a Hits,
+    /// One record per hit, from the backward blend.
+    pub records: &'a Buffer<Row>,
+}
+
 /// Gradients of one head, in the order of ranks.
-pub struct HeadGradients {
+pub struct GradientBuffers {
     /// Sums of the records: the last value of the first row is the sum of the blending weights,
     /// zero for a Gaussian that no pixel saw.
     pub sums: Buffer<Row>,
@@ -86,7 +101,7 @@ const fn sum_rows(color: bool) -> usize {
     SUM_ROWS[if color { 0 } else { 1 }]
 }
 
-impl HeadGradients {
+impl GradientBuffers {
     /// Room for `capacity` Gaussians with features of `rows` rows.
     ///
     /// # Errors
@@ -128,7 +143,8 @@ impl Project {
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
-        (means, head): (&Buffer<Row>, &Head),
+        means: &Buffer<Row>,
+        head: &Head,
         projected: &Projected,
     ) {
         let (geometry, features) = (&head.geometry.values, &head.features.values);
@@ -142,11 +158,11 @@ impl Project {
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
-        (means, geometry): (&Buffer<Row>, &Buffer<Row>),
-        (ranks, hits, records): (&Ranks, &Hits, &Buffer<Row>),
-        gradients: &HeadGradients,
+        inputs: BackwardInputs<'_>,
+        gradients: &GradientBuffers,
     ) {
-        let HeadGradients { sums, features, moves, .. } = gradients;
+        let BackwardInputs { means, geometry, ranks, hits, records } = inputs;
+        let GradientBuffers { sums, features, moves, .. } = gradients;
         let buffers: [&wgpu::Buffer; 6] = [
             &ranks.visible,
             &ranks.rank_from_visible,

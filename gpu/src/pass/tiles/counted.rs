@@ -1,4 +1,5 @@
-//! Grouping by counting: a table of tiles by runs of hits, scanned, says where each hit goes.
+//! Grouping by counting: a table with the hits of each run in each tile is scanned, which gives the
+//! place of each hit.
 
 use super::{Compose, Hits, View, kernel};
 use crate::device::{Buffer, Gpu, GpuError};
@@ -48,7 +49,8 @@ impl Table {
         gpu: &Gpu,
         sort: &Sort,
         capacity: usize,
-        (gaussians, tiles): (usize, usize),
+        gaussians: usize,
+        tiles: usize,
     ) -> Result<Self, GpuError> {
         let longest = capacity.max(gaussians);
         let runs = longest.div_ceil(LONGEST_LOOP).max(SortShape::of(gpu.tier()).runs as usize);

@@ -1,12 +1,12 @@
-//! From splats to lists: every (Gaussian, tile) pair that may matter is a hit; hits are grouped by
-//! tile and stay in depth order inside a tile.
+//! Tile lists from projected Gaussians. A *hit* is a (Gaussian, tile) pair where the Gaussian may be
+//! visible in the tile. Hits are grouped by tile and are in depth order inside a tile.
 //!
-//! A Gaussian's hits have consecutive slots, in depth order over Gaussians; lists hold slots, so that
-//! the backward blend can leave one record per slot and no atomic is needed. When there are more hits
-//! than slots, the rest is dropped and [`HitCount`] says so: the pass must be repeated.
+//! The hits of a Gaussian have consecutive *slots*, in depth order over Gaussians. Lists hold slots,
+//! so the backward blend can write one record per slot and needs no atomics. If there are more hits
+//! than slots, the rest is dropped, [`HitCount`] reports it, and the pass must be repeated.
 //!
-//! Grouping is a stable sort by tile ([`sorted`]). An adapter with few threads counts instead
-//! ([`counted`]): each thread walks over a run of hits twice, which spares writing and sorting keys.
+//! Grouping is a stable sort by tile ([`sorted`]). On a processor it counts instead ([`counted`]):
+//! each thread goes through a run of hits twice, and no keys are written and sorted.
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::pass::order::Ranks;
@@ -43,7 +43,7 @@ pub struct Hits {
     pub gaussian_from_sorted: Buffer<u32>,
     /// First and end of each tile's list.
     pub ranges: Buffer<[u32; 2]>,
-    /// How many there are.
+    /// Number of hits.
     pub count: Buffer<HitCount>,
 }
 
@@ -52,7 +52,7 @@ enum GroupBuffers {
     Counted(counted::Table),
 }
 
-/// A view whose Gaussians are projected and ranked.
+/// A view with projected and ordered Gaussians.
 #[derive(Clone, Copy)]
 struct View<'a> {
     arguments: &'a PassArguments,
@@ -95,10 +95,11 @@ impl Hits {
         gpu: &Gpu,
         sort: &Sort,
         capacity: usize,
-        (gaussians, tiles): (usize, usize),
+        gaussians: usize,
+        tiles: usize,
     ) -> Result<Self, GpuError> {
         let group = if gpu.tier().counts_tiles() {
-            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, (gaussians, tiles))?)
+            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, gaussians, tiles)?)
         } else {
             GroupBuffers::Sorted(sorted::Keys::new(gpu, sort, capacity, tiles)?)
         };
@@ -156,8 +157,10 @@ impl Tiles {
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
-        (projected, ranks): (&Projected, &Ranks),
-        (hits, sort): (&Hits, &Sort),
+        projected: &Projected,
+        ranks: &Ranks,
+        hits: &Hits,
+        sort: &Sort,
     ) {
         let count = arguments.count as usize + 1;
         let counted: [&wgpu::Buffer; 5] = [

@@ -1,4 +1,4 @@
-// Coverage in the order of ranks, and its hits ready to be scanned; ranks that nobody sees have none,
+// Coverage in the order of ranks, and its hits ready to be scanned; ranks beyond the visible ones have none,
 // and the last element becomes the total.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;

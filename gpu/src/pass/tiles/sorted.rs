@@ -87,6 +87,6 @@ impl Sorted {
             &hits.ranges,
         ];
         let groups = std::mem::offset_of!(HitCount, groups);
-        recorder.dispatch_indirect(&self.ranges, arguments, &buffers, (&hits.count, groups));
+        recorder.dispatch_indirect(&self.ranges, arguments, &buffers, &hits.count, groups);
     }
 }

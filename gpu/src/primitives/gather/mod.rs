@@ -47,7 +47,8 @@ impl Gather {
         recorder: &mut Recorder<'_>,
         index: &Buffer<u32>,
         len: usize,
-        (from, to): (&wgpu::Buffer, &wgpu::Buffer),
+        from: &wgpu::Buffer,
+        to: &wgpu::Buffer,
         width: usize,
     ) {
         let by_rows = width.is_multiple_of(ROW_WORDS);

@@ -1,2 +1,2 @@
-// The unit of a gather: a row of four words, whatever they mean.
+// The unit of a gather: a row of four words, of any type.
 alias Unit = vec4<u32>;

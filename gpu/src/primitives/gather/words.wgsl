@@ -1,2 +1,2 @@
-// The unit of a gather: one word, whatever it means.
+// The unit of a gather: one word, of any type.
 alias Unit = u32;

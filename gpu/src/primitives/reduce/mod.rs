@@ -12,16 +12,18 @@ pub struct Reduce {
     no_limit: Buffer<u32>,
 }
 
-/// What is summed.
+/// Input of a sum.
 #[derive(Clone, Copy)]
 pub struct Summands<'a> {
     /// All elements.
     pub rows: &'a Buffer<Row>,
     /// Number of elements.
     pub len: usize,
-    /// Rows of an element, and the one that is summed.
-    pub row: (u32, u32),
-    /// A buffer whose first value is the number of elements that count, if not all do.
+    /// Rows per element.
+    pub stride: u32,
+    /// The row of an element that is summed.
+    pub row: u32,
+    /// A buffer that starts with the number of elements to sum; `None` to sum all.
     pub limit: Option<&'a wgpu::Buffer>,
 }
 
@@ -69,10 +71,11 @@ impl Reduce {
         &self,
         recorder: &mut Recorder<'_>,
         summands: Summands<'_>,
-        (results, slot): (&Buffer<Row>, u32),
+        results: &Buffer<Row>,
+        slot: u32,
         scratch: &ReduceScratch,
     ) {
-        let Summands { rows: mut from, mut len, row: (mut stride, mut row), .. } = summands;
+        let Summands { rows: mut from, mut len, mut stride, mut row, .. } = summands;
         let mut limit = summands.limit.unwrap_or(&self.no_limit);
         for side in (0..2).cycle() {
             let runs = len.div_ceil(RUN as usize);

@@ -66,7 +66,7 @@ impl Scan {
         len: usize,
         scratch: &ScanScratch,
     ) {
-        self.level(recorder, values, len, (&scratch.levels, &scratch.zero));
+        self.level(recorder, values, len, &scratch.levels, &scratch.zero);
     }
 
     fn level(
@@ -74,14 +74,15 @@ impl Scan {
         recorder: &mut Recorder<'_>,
         values: &Buffer<u32>,
         len: usize,
-        (levels, zero): (&[Buffer<u32>], &Buffer<u32>),
+        levels: &[Buffer<u32>],
+        zero: &Buffer<u32>,
     ) {
         let runs = len.div_ceil(RUN as usize);
         let arguments = ArrayArguments { count: len as u32, detail: 0 };
         let before = match levels.split_first() {
             Some((sums, rest)) if runs > 1 => {
                 recorder.dispatch_threads(&self.sum, &arguments, &[values, sums], runs);
-                self.level(recorder, sums, runs, (rest, zero));
+                self.level(recorder, sums, runs, rest, zero);
                 sums
             }
             _ => zero,

@@ -1,12 +1,12 @@
 //! Stable radix sort of `u32` keys with one `u32` of payload, least significant digit first.
 //!
-//! The elements are cut into as many runs as suit the adapter, one thread each: a thread counts the
-//! digits of its run into its column of a table (digit by run), the table is scanned, and the thread
-//! then places its elements in order. Stable without a barrier, an atomic or a subgroup operation.
-//! The number of elements is read on the device; what lies beyond costs nothing.
+//! The elements are cut into runs, one thread each. A thread counts the digits of its run into its
+//! column of a table (digit by run), the table is scanned, and the thread then places its elements
+//! in order. This is stable and needs no barrier, atomic or subgroup operation. The device reads the
+//! number of elements from a buffer; elements beyond it cost nothing.
 //!
-//! An adapter with few threads takes few runs and wide digits, hence few passes; one with many
-//! threads the opposite ([`SortShape`]).
+//! With few threads, few runs and wide digits are fastest, since they need few passes. With many
+//! threads it is the opposite ([`SortShape`]).
 
 use crate::device::{Buffer, Gpu, GpuError, Tier};
 use crate::primitives::scan::{Scan, ScanScratch};

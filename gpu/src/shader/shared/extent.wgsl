@@ -1,7 +1,8 @@
 /// Width and height of a tile, in pixels.
 const TILE_SIZE: vec2<f32> = vec2<f32>(f32(TILE_WIDTH), f32(TILE_HEIGHT));
 
-/// Tiles that the bounding box of the visible ellipse meets: first column, first row, end, end.
+/// Tiles that the bounding box of the visible ellipse overlaps: first column, first row, end column,
+/// end row.
 fn tile_rect(splat: Splat) -> vec4<u32> {
     let tiles = vec2<f32>(pass_.tiles);
     let reach = splat.extent + vec2<f32>(0.01);

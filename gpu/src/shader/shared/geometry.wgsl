@@ -19,7 +19,7 @@ fn camera_point(mean: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(pass_.camera_x, p), dot(pass_.camera_y, p), dot(pass_.camera_z, p));
 }
 
-/// x/z and y/z as the Jacobian sees them.
+/// x/z and y/z, clamped for the Jacobian.
 fn clamped_slope(p: vec3<f32>) -> vec2<f32> {
     return clamp(p.xy / p.z, -pass_.limit, pass_.limit);
 }

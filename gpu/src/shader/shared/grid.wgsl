@@ -1,4 +1,4 @@
-/// Index of a workgroup in a grid that `kernel.rs` split over two axes.
+/// Index of a workgroup in a grid that recorder.rs split over two axes.
 fn linear_group(group: vec3<u32>, groups: vec3<u32>) -> u32 {
     return group.x + group.y * groups.x;
 }
@@ -8,7 +8,7 @@ fn linear_thread(group: vec3<u32>, groups: vec3<u32>, lane: u32) -> u32 {
     return linear_group(group, groups) * GROUP + lane;
 }
 
-/// True for numbers that arithmetic can go on with; NaN and infinity fail every comparison.
+/// True for numbers below HUGE; false for NaN and infinity.
 fn is_finite(x: f32) -> bool {
     return abs(x) < HUGE;
 }

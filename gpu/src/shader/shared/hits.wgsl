@@ -1,5 +1,5 @@
-/// Loads the hits from `start` on, one per lane, and hands round their splats and CHUNK rows of
-/// their features; hits from `end` on are too faint to be drawn.
+/// Loads the hits from `start` on, one per lane, and publishes their splats and CHUNK rows of their
+/// features. Hits from `end` on get an opacity of zero.
 fn publish_hits(start: u32, end: u32, lane: u32) {
     let gaussian = gaussian_from_sorted[min(start + lane % BATCH, end - 1u)];
     var form = splats[gaussian].form;

@@ -1,33 +1,33 @@
-/// Lanes of a tile are one subgroup: values go from register to register, no barrier.
+/// Exchange between the lanes of a tile that is one subgroup: through registers, without a barrier.
 
 var<private> published: array<vec4<f32>, PUBLISHED>;
-var<private> kept: array<vec4<f32>, LEFT>;
-var<private> waiting: array<vec4<f32>, LEFT * FOLDS>;
+var<private> summed: array<vec4<f32>, RECORD_ROWS>;
+var<private> waiting: array<vec4<f32>, RECORD_ROWS * FOLDS>;
 
 /// Offers a row to the other lanes.
 fn publish(row: u32, value: vec4<f32>, lane: u32) {
     published[row] = value;
 }
 
-/// All lanes have published, or left, what they have.
-fn meet() {}
+/// Waits until all lanes have published or accumulated; needs nothing inside a subgroup.
+fn sync_lanes() {}
 
-/// What another lane published.
+/// The row that another lane published.
 fn shared_row(row: u32, other: u32) -> vec4<f32> {
     return subgroupShuffle(published[row], other);
 }
 
-/// Of two rows, of an even and of an odd hit, lanes with the bit take up the odd one's sum, the others
-/// the even one's.
+/// One exchange of a butterfly sum over two rows, of an even and of an odd hit: lanes with the bit go
+/// on with the sum of the odd hit, the others with that of the even hit.
 fn fold(even: vec4<f32>, odd: vec4<f32>, bit: u32, lane: u32) -> vec4<f32> {
     let upper = (lane & bit) != 0u;
     return select(even, odd, upper) + subgroupShuffleXor(select(odd, even, upper), bit);
 }
 
-/// Adds this lane's share to a row of the record of a hit of the batch. Hits must come in order, all
-/// of the batch, the last first if DESCENDING. Two by two they are folded, so that in the end each
-/// lane holds the sum of one hit, for less than one exchange per row.
-fn leave(hit: u32, row: u32, value: vec4<f32>, lane: u32) {
+/// Adds this lane's value to a row of the record of a hit of the batch. It must be called for every
+/// hit of the batch in order, the last one first if DESCENDING. Hits are folded in pairs, so that in
+/// the end each lane holds the sum of one hit, with less than one exchange per row.
+fn accumulate(hit: u32, row: u32, value: vec4<f32>, lane: u32) {
     var sum = value;
     //repeat level FOLDS
     {
@@ -47,12 +47,12 @@ fn leave(hit: u32, row: u32, value: vec4<f32>, lane: u32) {
     //repeat step STEPS
     sum += subgroupShuffleXor(sum, BATCH << $step);
     //end
-    kept[row] = sum;
+    summed[row] = sum;
 }
 
 /// A row of the record of hit `lane` of the batch, summed over the lanes.
 fn record_row(row: u32, lane: u32) -> vec4<f32> {
-    return kept[row];
+    return summed[row];
 }
 
 /// The largest value of all lanes.

@@ -21,7 +21,7 @@ struct Footprint {
     alpha: vec4<f32>,
 }
 
-/// `place` and `form` are a Splat's, whose squares and opacity are made for powers of two.
+/// `place` and `form` are rows of a Splat; its squares and opacity are exponents of 2.
 fn footprint(place: vec4<f32>, form: vec4<f32>, origin: vec2<f32>) -> Footprint {
     let dx = vec4<f32>(place.x - origin.x) - vec4<f32>(0.0, 1.0, 2.0, 3.0);
     let dy = place.y - origin.y;

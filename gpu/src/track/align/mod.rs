@@ -1,23 +1,22 @@
-//! Where was the camera? One Gauss-Newton normal system between what the map looks like from a
-//! predicted pose (reference) and what the camera sees (live), both [`Level`]s of one size; and
-//! [`Aligner::align`], the loop over levels and steps.
+//! The pose of a live RGB-D image against a reference, such as the map rendered from a predicted
+//! pose. [`Aligner::system`] sums one Gauss-Newton normal system between two [`Level`]s of one size.
+//! [`Aligner::align`] loops over levels and steps.
 //!
 //! With q = T p the point of a live pixel in the reference camera, T = `reference_from_live`:
 //!
 //! - photometric: r = I_ref(pi(q)) - (exp(a) I_live + b), J = [s, q x s, -exp(a) I_live, -1] with
-//!   s = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (the slopes are
-//!   smoother than the interpolation's own, which jump wherever pi(q) meets a pixel's centre, as
-//!   it does all over when T is the identity). Accepted where all four have an intensity and the
+//!   s = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (these
+//!   slopes are smoother than the derivative of the interpolation, which jumps where pi(q) is at the
+//!   centre of a pixel, as it is everywhere when T is the identity). Accepted where all four have an intensity and the
 //!   point is on the reference's surface. Huber.
 //! - geometric: r = n_ref . (q - p_ref), J = [n, q x n, 0, 0], point to plane at the nearest
 //!   reference pixel; accepted where the point is on the reference's surface. Huber or Cauchy.
 //!
 //! On the surface: at most `depth_gate` and [`GATE_SIGMAS`] of the depth's own noise from the plane
-//! (p_ref, n_ref), with normals that agree. A point that the reference does not see, being behind
-//! something, is not there; nor is one at an edge of depth, which has no normal and whose colors
-//! are mixed. A gate along z would keep both where surfaces are a hand's breadth apart, and
-//! lose floors seen at a low angle: between two pictures that share 70 % it made poses worse by
-//! two orders of magnitude (`BENCHMARKS.md`).
+//! (p_ref, n_ref), with normals that agree. This leaves out points that are occluded in the
+//! reference, and points at an edge of depth, which have no normal and mixed colors. A gate along z
+//! would keep both where surfaces are 10 cm apart, and would lose floors seen at a low angle. Between
+//! two images that share 70 % it made poses worse by two orders of magnitude (`EXPERIMENTS.md`).
 //!
 //! [`GATE_SIGMAS`]: crate::shader::layout::GATE_SIGMAS
 //!
@@ -38,10 +37,10 @@ mod normal_system;
 pub mod se3;
 mod solve;
 
-pub use normal_system::{Counts, EXPOSURE_LIMIT, NormalSystem, Prior, Step};
+pub use normal_system::{Counts, EXPOSURE_LIMIT, NormalSystem, PoseStep, Prior};
 pub use solve::{Aligned, Schedule, align};
 
-/// What is looked for; by default the reference's own pose and exposure.
+/// Pose and exposure to be found; by default those of the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Estimate {
     /// Maps points of the live camera, metres, into the reference camera.

@@ -10,20 +10,20 @@ const MIN_CONDITIONING: f64 = 1e-7;
 /// Largest |a| of an exposure: a factor of 20 in brightness.
 pub const EXPOSURE_LIMIT: f64 = 3.0;
 
-/// Live pixels by what became of them.
+/// Counts of live pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// That have a depth.
+    /// With a depth.
     pub live: u32,
-    /// That are seen inside the reference image.
+    /// Inside the reference image.
     pub inside: u32,
-    /// That have a photometric residual.
+    /// With a photometric residual.
     pub photometric: u32,
-    /// That have a geometric residual.
+    /// With a geometric residual.
     pub geometric: u32,
-    /// Whose photometric residual is within the threshold.
+    /// With a photometric residual within the threshold.
     pub photometric_inliers: u32,
-    /// Whose geometric residual is within the threshold.
+    /// With a geometric residual within the threshold.
     pub geometric_inliers: u32,
 }
 
@@ -42,7 +42,7 @@ pub struct NormalSystem {
     pub counts: Counts,
 }
 
-/// What is known of the pose beforehand: cost 1/2 tau^T information tau with
+/// Prior knowledge of the pose, with the cost 1/2 tau^T information tau with
 /// `Exp(tau) reference_from_live = estimate`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
@@ -54,10 +54,10 @@ pub struct Prior {
 
 /// One Gauss-Newton step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct PoseStep {
     /// [rho, theta] of the left perturbation.
     pub tau: Vector6<f64>,
-    /// Change of (a, b); 0 if it was not asked for.
+    /// Change of (a, b); 0 if it is not estimated.
     pub exposure: [f64; 2],
 }
 
@@ -126,13 +126,13 @@ impl NormalSystem {
     }
 
     /// The step (H + damping diag H + prior)^-1 (-g + prior): Levenberg-Marquardt. `None` if the
-    /// system does not tell all six motions, or the exposure when it is asked for.
+    /// system does not determine all six motions, or the exposure if it is estimated.
     pub fn solve(
         &self,
         damping: f64,
         with_exposure: bool,
         prior: Option<(&Prior, &Estimate)>,
-    ) -> Option<Step> {
+    ) -> Option<PoseStep> {
         let conditioning = self.conditioning(with_exposure, prior.map(|(prior, _)| prior));
         let textured = !with_exposure || self.h[(6, 6)] * self.h[(7, 7)] > 0.0;
         if !(conditioning > MIN_CONDITIONING && textured) {
@@ -156,7 +156,7 @@ impl NormalSystem {
             h[(i, i)] *= 1.0 + damping;
         }
         let step = h.cholesky()?.solve(&-g);
-        step.iter().all(|v| v.is_finite()).then(|| Step {
+        step.iter().all(|v| v.is_finite()).then(|| PoseStep {
             tau: step.fixed_rows::<6>(0).into_owned(),
             exposure: [step[6], step[7]],
         })
@@ -178,7 +178,7 @@ impl Prior {
 
 impl Estimate {
     /// The estimate after a step; a stays within ± [`EXPOSURE_LIMIT`].
-    pub fn moved(&self, step: &Step) -> Estimate {
+    pub fn moved(&self, step: &PoseStep) -> Estimate {
         let a = self.exposure[0] + step.exposure[0];
         let b = self.exposure[1] + step.exposure[1];
         Estimate {

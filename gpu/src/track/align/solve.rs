@@ -1,5 +1,5 @@
-//! Coarse to fine: Levenberg-Marquardt on each level, from the coarsest to the finest. Knows no
-//! device: normal systems come from a function.
+//! Levenberg-Marquardt on each level, from the coarsest to the finest. Needs no device: a function
+//! returns the normal systems.
 
 use nalgebra::Matrix6;
 
@@ -27,7 +27,7 @@ pub struct Schedule {
     pub settings: AlignSettings,
     /// Whether the exposure is estimated.
     pub with_exposure: bool,
-    /// What is known of the pose beforehand.
+    /// Prior knowledge of the pose.
     pub prior: Option<Prior>,
     /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or when
     /// it hardly changes the cost.
@@ -83,8 +83,8 @@ impl Aligned {
 }
 
 /// Moves `start` to where the cost per residual is least. `system(level, estimate)` sums one normal
-/// system. A level whose system cannot be solved leaves the estimate as it is: [`Aligned`] then
-/// says so by its conditioning and counts.
+/// system. A level without a solvable system leaves the estimate as it is, which shows in the
+/// conditioning and the counts of [`Aligned`].
 ///
 /// # Errors
 /// Those of `system`.
@@ -121,7 +121,7 @@ struct State {
 }
 
 impl State {
-    /// Goes down on one level; the system at the estimate it ends at.
+    /// Minimises on one level; returns the system at the final estimate.
     fn descend<E>(
         &mut self,
         schedule: &Schedule,

@@ -134,8 +134,8 @@ impl Pyramids {
     }
 
     /// Records the filling of a pyramid from a rendered view of its size: `image` is height x width
-    /// of (r, g, b, D = sum of z alpha T), `pixels` the transmittance of each. What is no more than
-    /// half opaque has neither intensity nor depth.
+    /// of (r, g, b, D = sum of z alpha T), `pixels` the transmittance of each. Pixels
+    /// with an opacity of at most one half have neither intensity nor depth.
     ///
     /// # Errors
     /// [`GpuError::ShapeMismatch`] when the buffers hold fewer pixels than the view.
@@ -143,7 +143,8 @@ impl Pyramids {
         &self,
         recorder: &mut Recorder<'_>,
         pyramid: &Pyramid,
-        (image, pixels): (&Buffer<Row>, &Buffer<PixelState>),
+        image: &Buffer<Row>,
+        pixels: &Buffer<PixelState>,
     ) -> Result<(), GpuError> {
         let level = &pyramid.levels[0];
         let count = level.camera.pixels();

@@ -1,5 +1,5 @@
 // A rendered view to (intensity, depth). With opacity O = 1 - T over MIN_OPACITY, color and depth
-// are what the Gaussians show without the black behind them: luma(rgb) / O and D / O. Elsewhere
+// are those of the Gaussians alone, without the black background: luma(rgb) / O and D / O. Elsewhere
 // there is no intensity (-1) and no depth (0).
 
 @group(0) @binding(0) var<uniform> arguments: PyramidArguments;

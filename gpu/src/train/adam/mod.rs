@@ -1,13 +1,14 @@
-//! Adam, fused over parameter and both moments, only for Gaussians that a pixel saw.
+//! Adam (Kingma and Ba 2015), fused over parameter and both moments, for the Gaussians that
+//! contribute to a pixel of the view.
 //!
 //! ```text
 //! m = b1 m + (1 - b1) g,  v = b2 v + (1 - b2) g^2
 //! x -= rate m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + eps)
 //! ```
 //!
-//! t is counted per Gaussian and head. A Gaussian that was not seen keeps value and moments and
-//! costs nothing: work goes by ranks. A gradient that is not finite changes nothing. When a list of
-//! the step overflowed nothing changes at all, so that the step can be repeated.
+//! t is counted per Gaussian and head. A Gaussian outside the view keeps its value and moments and
+//! costs no work. A gradient that is not finite changes nothing. If a list of the step overflowed,
+//! nothing changes at all, so that the step can be repeated.
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::map::Parameters;
@@ -72,10 +73,10 @@ pub struct Adam {
 
 /// Which Gaussians a step may move: they were seen, and no list overflowed.
 #[derive(Clone, Copy)]
-pub struct Seen<'a> {
+pub struct SeenGaussians<'a> {
     /// The visible Gaussians.
     pub ranks: &'a Ranks,
-    /// Record sums (see [`crate::pass::project::HeadGradients`]) and their rows per rank.
+    /// Record sums (see [`crate::pass::project::GradientBuffers`]) and their rows per rank.
     pub sums: (&'a Buffer<Row>, usize),
     /// Hit counts of the passes of the step.
     pub counts: [&'a Buffer<HitCount>; 2],
@@ -83,9 +84,9 @@ pub struct Seen<'a> {
     pub count: usize,
 }
 
-/// Gradients of the parameters of one kind: the first rows of each rank's.
+/// Gradients of the parameters of one kind: the first rows of each rank.
 #[derive(Clone, Copy)]
-pub struct Gradients<'a> {
+pub struct ParameterGradients<'a> {
     /// The visible Gaussians.
     pub ranks: &'a Ranks,
     /// Gradients and their rows per rank.
@@ -135,7 +136,7 @@ impl Adam {
     pub fn advance(
         &self,
         recorder: &mut Recorder<'_>,
-        seen: Seen<'_>,
+        seen: SeenGaussians<'_>,
         steps: &Buffer<u32>,
         corrections: &Buffer<[f32; 2]>,
     ) {
@@ -153,7 +154,7 @@ impl Adam {
         recorder: &mut Recorder<'_>,
         parameters: &Parameters,
         [even, odd]: [Row; 2],
-        gradients: Gradients<'_>,
+        gradients: ParameterGradients<'_>,
     ) {
         let (rows, stride) = gradients.rows;
         let arguments = AdamArguments {

@@ -1,12 +1,12 @@
 //! Losses with their gradients, fused: one thread per pixel or per Gaussian.
 //!
-//! - color: `w_c mean|exp(a) rgb + b - target|` where color is valid, (a, b) being the view's
-//!   exposure, plus `w_d mean|D - D_gt|` where depth was measured. D is the blended depth, not divided by opacity, as in the paper: where the map
-//!   is thin the gradient asks for more opacity as well as for another depth.
+//! - color: `w_c mean|exp(a) rgb + b - target|` where color is valid, with the exposure (a, b) of
+//!   the view, plus `w_d mean|D - D_gt|` where depth was measured. D is the blended depth, not
+//!   divided by opacity, as in the paper. So where opacity is too low, the gradient raises it.
 //! - language: `w_l mean|codes - target|` over all pixels and channels.
-//! - shape: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|`; the factors are for
-//!   the mean over all Gaussians and axes, the sum goes over those that the view sees, which alone
-//!   are moved.
+//! - scales: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|` with sg for "no
+//!   gradient". The factors are for the mean over all Gaussians and axes of the map; the sum has only
+//!   the visible ones, since only they move.
 //!
 //! Every mean is over its own valid values. The gradient of |x| at 0 is 0.
 
@@ -58,6 +58,34 @@ impl Losses {
     pub fn total(&self) -> f32 {
         self.color + self.depth + self.language + self.isotropic + self.tie
     }
+}
+
+/// Buffers of a loss on an image.
+#[derive(Clone, Copy)]
+pub struct LossBuffers<'a> {
+    /// In: the rendered rows, height x width x rows.
+    pub image: &'a Buffer<Row>,
+    /// Out: dL/dimage, same shape.
+    pub gradients: &'a Buffer<Row>,
+    /// Out: terms of each pixel, height x width.
+    pub terms: &'a Buffer<Row>,
+}
+
+/// A loss on the scales of the visible Gaussians.
+#[derive(Clone, Copy)]
+pub struct ScaleLoss<'a> {
+    /// Factor of the mean over all Gaussians and axes.
+    pub weight: f32,
+    /// Number of Gaussians in the map.
+    pub count: usize,
+    /// The visible Gaussians.
+    pub ranks: &'a Ranks,
+    /// Geometry of the color head, two rows per Gaussian.
+    pub color: &'a Buffer<Row>,
+    /// Out: dL/dgeometry, two rows per rank; the gradient is added.
+    pub gradients: &'a Buffer<Row>,
+    /// Out: (term, 0, 0, 0) of each rank.
+    pub terms: &'a Buffer<Row>,
 }
 
 /// The kernels.
@@ -115,10 +143,12 @@ impl Loss {
     pub fn color(
         &self,
         recorder: &mut Recorder<'_>,
-        (target, exposure): (&ColorTarget, [f32; 2]),
+        target: &ColorTarget,
+        exposure: [f32; 2],
         weights: &LossWeights,
-        (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+        buffers: LossBuffers<'_>,
     ) {
+        let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
         let arguments = LossArguments {
             count: target.texels.len() as u32,
@@ -138,8 +168,9 @@ impl Loss {
         recorder: &mut Recorder<'_>,
         target: &LanguageTarget,
         weights: &LossWeights,
-        (image, gradients, terms): (&Buffer<Row>, &Buffer<Row>, &Buffer<Row>),
+        buffers: LossBuffers<'_>,
     ) {
+        let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
         let pixels = target.width as usize * target.height as usize;
         let arguments = LossArguments {
@@ -152,42 +183,31 @@ impl Loss {
         recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
     }
 
-    /// Adds the gradient of the isotropy term to that of the color geometry; `terms` gets
-    /// (isotropic, 0, 0, 0) of each rank. `count` is the size of the map.
-    pub fn isotropic(
-        &self,
-        recorder: &mut Recorder<'_>,
-        (weight, count): (f32, usize),
-        (ranks, color): (&Ranks, &Buffer<Row>),
-        (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
-    ) {
-        let arguments = shape_arguments(weight, count);
+    /// Adds the gradient of the isotropy term to that of the color geometry.
+    pub fn isotropic(&self, recorder: &mut Recorder<'_>, loss: ScaleLoss<'_>) {
+        let ScaleLoss { ranks, color, gradients, terms, .. } = loss;
         let buffers: [&wgpu::Buffer; 5] =
             [&ranks.visible, &ranks.gaussian_from_visible, color, gradients, terms];
-        ranks.run(recorder, &self.isotropic, &arguments, &buffers);
+        ranks.run(recorder, &self.isotropic, &loss.arguments(), &buffers);
     }
 
-    /// Adds the gradient of the tie term to that of the language geometry; `terms` gets
-    /// (tie, 0, 0, 0) of each rank. `count` is the size of the map.
-    pub fn tie(
-        &self,
-        recorder: &mut Recorder<'_>,
-        (weight, count): (f32, usize),
-        (ranks, color, language): (&Ranks, &Buffer<Row>, &Buffer<Row>),
-        (gradients, terms): (&Buffer<Row>, &Buffer<Row>),
-    ) {
-        let arguments = shape_arguments(weight, count);
+    /// Adds the gradient of the tie term to that of the language geometry. `language` is the
+    /// geometry of the language head, two rows per Gaussian.
+    pub fn tie(&self, recorder: &mut Recorder<'_>, language: &Buffer<Row>, loss: ScaleLoss<'_>) {
+        let ScaleLoss { ranks, color, gradients, terms, .. } = loss;
         let buffers: [&wgpu::Buffer; 6] =
             [&ranks.visible, &ranks.gaussian_from_visible, color, language, gradients, terms];
-        ranks.run(recorder, &self.tie, &arguments, &buffers);
+        ranks.run(recorder, &self.tie, &loss.arguments(), &buffers);
     }
 }
 
-fn shape_arguments(weight: f32, count: usize) -> LossArguments {
-    LossArguments {
-        count: count as u32,
-        rows: 2,
-        first: share(weight, 3 * count),
-        ..LossArguments::default()
+impl ScaleLoss<'_> {
+    fn arguments(&self) -> LossArguments {
+        LossArguments {
+            count: self.count as u32,
+            rows: 2,
+            first: share(self.weight, 3 * self.count),
+            ..LossArguments::default()
+        }
     }
 }

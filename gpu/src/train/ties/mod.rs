@@ -1,9 +1,9 @@
-//! Ties the two heads together again, for the paper's ablation (§4.3, table of disentangled modes):
-//! a tied parameter has one value, and the gradients of both heads add up.
+//! Parameters that both heads share, for the paper's ablation (section 4.3, table of disentangled
+//! modes). A tied parameter has one value, and the gradients of both heads are added.
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::pass::order::Ranks;
-use crate::pass::project::HeadGradients;
+use crate::pass::project::GradientBuffers;
 use crate::shader::layout::{Row, TieArguments};
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
 
@@ -20,7 +20,7 @@ pub struct Ties {
 }
 
 /// The kernels.
-pub struct Tie {
+pub struct TieKernels {
     merge: Kernel,
     copy: Kernel,
 }
@@ -54,13 +54,14 @@ impl Ties {
         [[r; 4], [s, s, s, o]]
     }
 
-    fn arguments(&self, count: usize) -> TieArguments {
+    /// The uniform of both kernels for a map of `count` Gaussians.
+    pub fn arguments(&self, count: usize) -> TieArguments {
         let [even, odd] = self.rows();
         TieArguments { even, odd, count: count as u32, ..TieArguments::default() }
     }
 }
 
-impl Tie {
+impl TieKernels {
     /// Compiles the kernels.
     ///
     /// # Errors
@@ -74,26 +75,29 @@ impl Tie {
     pub fn merge(
         &self,
         recorder: &mut Recorder<'_>,
-        (ties, count): (Ties, usize),
-        (color, language): (&HeadGradients, &HeadGradients),
+        arguments: &TieArguments,
+        color: &GradientBuffers,
+        language: &GradientBuffers,
         ranks: &Ranks,
     ) {
         let buffers: [&wgpu::Buffer; 4] =
             [&language.sums, &language.geometry, &color.sums, &color.geometry];
-        ranks.run(recorder, &self.merge, &ties.arguments(count), &buffers);
+        ranks.run(recorder, &self.merge, arguments, &buffers);
     }
 
-    /// Gives the language head the color head's tied parameters, of the Gaussians that the step
-    /// moved.
+    /// Copies tied parameters from the color head to the language head, for the Gaussians that the
+    /// step moved.
     pub fn copy(
         &self,
         recorder: &mut Recorder<'_>,
-        (ties, count): (Ties, usize),
-        (ranks, corrections): (&Ranks, &Buffer<[f32; 2]>),
-        (color, language): (&Buffer<Row>, &Buffer<Row>),
+        arguments: &TieArguments,
+        ranks: &Ranks,
+        corrections: &Buffer<[f32; 2]>,
+        color: &Buffer<Row>,
+        language: &Buffer<Row>,
     ) {
         let buffers: [&wgpu::Buffer; 4] =
             [&ranks.gaussian_from_visible, corrections, color, language];
-        ranks.run(recorder, &self.copy, &ties.arguments(count), &buffers);
+        ranks.run(recorder, &self.copy, arguments, &buffers);
     }
 }

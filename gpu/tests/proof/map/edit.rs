@@ -35,7 +35,7 @@ fn targets(gpu: &Gpu, host: &HostGaussians) -> (Camera, ColorTarget, LanguageTar
     let image = renderer.render_color(&map, &camera).expect("renders");
     let rgb: Vec<u8> = image.rgb.iter().map(|v| (200.0 * v) as u8).collect();
     let codes = renderer.render_language(&map, &camera).expect("renders").codes;
-    let color = ColorTarget::new(gpu, (48, 40), &rgb, &image.depth).expect("fits");
+    let color = ColorTarget::new(gpu, 48, 40, &rgb, &image.depth).expect("fits");
     let codes: Vec<f32> = codes.iter().map(|v| 0.8 * v).collect();
     (camera, color, LanguageTarget::new(gpu, 48, 40, CHANNELS, &codes).expect("fits"))
 }

@@ -17,7 +17,7 @@ pub struct Residual {
 
 /// What one live pixel says.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Seen {
+pub struct PixelResiduals {
     /// It has a depth.
     pub live: bool,
     /// It is seen inside the reference image.
@@ -36,13 +36,13 @@ pub fn pixel(
     estimate: &Estimate,
     settings: &AlignSettings,
     pixel: usize,
-) -> Seen {
+) -> PixelResiduals {
     let width = live.camera.width as usize;
     let [intensity, depth, ..] = live.rows[pixel];
     if !(depth > 0.0 && depth < f64::from(FAR)) {
-        return Seen::default();
+        return PixelResiduals::default();
     }
-    let mut seen = Seen { live: true, ..Seen::default() };
+    let mut seen = PixelResiduals { live: true, ..PixelResiduals::default() };
     let (u, v) = ((pixel % width) as f64, (pixel / width) as f64);
     let p = ray(&live.camera, u, v) * depth;
     let pose = &estimate.reference_from_live;

@@ -64,8 +64,8 @@ impl Keyframe {
     ) -> Result<Self, GpuError> {
         let pose = &tracked.world_from_camera;
         let training = DownsampledFrame::new(frame, pose, widths.training);
-        let size = (training.camera.width, training.camera.height);
-        let target = ColorTarget::new(gpu, size, &training.rgb, &training.depth_metres)?;
+        let Camera { width, height, .. } = training.camera;
+        let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
         let is_same_size =
             DownsampledFrame::columns(frame, widths.tracking) == training.camera.width;
         let tracking = if is_same_size {

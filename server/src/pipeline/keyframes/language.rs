@@ -49,7 +49,7 @@ impl KeyframeLanguage {
         if self.version != online.version() {
             let generic: Vec<f32> = self.codes.iter().copied().map(f16::to_f32).collect();
             let codes = online.encode(&generic);
-            let (width, height) = self.target.size();
+            let [width, height] = self.target.size();
             self.target = LanguageTarget::new(gpu, width, height, online.code_size(), &codes)?;
             self.version = online.version();
         }

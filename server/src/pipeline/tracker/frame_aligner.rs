@@ -202,8 +202,7 @@ impl FrameAligner {
         let drawn = scene.trainer.renderer().draw_color(scene.gaussians, &camera)?;
         let drawn = drawn.expect("the tracker does not ask an empty map");
         let mut recorder = Recorder::new(&self.gpu)?;
-        let image = (drawn.image, drawn.pixels);
-        self.pyramids.fill_rendered(&mut recorder, &self.rendered, image)?;
+        self.pyramids.fill_rendered(&mut recorder, &self.rendered, drawn.image, drawn.pixels)?;
         recorder.submit();
         Ok(())
     }

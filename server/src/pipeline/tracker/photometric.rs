@@ -26,8 +26,8 @@ pub(super) fn track(
     start_exposure: [f64; 2],
     config: &PhotometricConfig,
 ) -> Result<PoseCandidate, GpuError> {
-    let size = (frame.camera.width, frame.camera.height);
-    let target = ColorTarget::new(gpu, size, &frame.rgb, &frame.depth_metres)?;
+    let Camera { width, height, .. } = frame.camera;
+    let target = ColorTarget::new(gpu, width, height, &frame.rgb, &frame.depth_metres)?;
     let weights = LossWeights {
         color: config.color,
         depth: config.depth,
@@ -41,10 +41,10 @@ pub(super) fn track(
     let mut adam = PoseAdam::default();
     for _ in 0..config.iterations {
         let camera = Camera { camera_from_world: camera_from_world.cast(), ..frame.camera.clone() };
-        let view = (&camera, &target);
         let StepReport { pose_gradient, exposure_gradient, .. } = scene.trainer.look(
             scene.gaussians,
-            view,
+            &camera,
+            &target,
             color_exposure.map(|value| value as f32),
             &weights,
         )?;

@@ -1,6 +1,5 @@
-// What each hit of a finished forward pass gave to the picture: the record of a hit is one row,
-// (sum of its blending weights, pixels that it reaches with more than half of the light left behind
-// it, 0, 0).
+// The contribution of each hit to a finished image. The record of a hit is one row: (sum of its
+// blending weights, number of pixels with more than half of the light left behind the hit, 0, 0).
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;
@@ -29,7 +28,7 @@ fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
             dot(select(vec4<f32>(0.0), vec4<f32>(1.0), seen), vec4<f32>(1.0)), 0.0, 0.0);
     }
     //end
-    leave(other, 0u, sum, lane);
+    accumulate(other, 0u, sum, lane);
 }
 
 @compute @workgroup_size(LANES)
@@ -51,11 +50,11 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     //end
     for (var start = range.x; start < range.y; start += BATCH) {
         publish_hits(start, range.y, lane);
-        meet();
+        sync_lanes();
         //repeat j BATCH
         add_hit(start + $j, $j, corner, lane);
         //end
-        meet();
+        sync_lanes();
         if lane < BATCH && start + lane < range.y {
             records[slot_from_sorted[start + lane]] = record_row(0u, lane);
         }
