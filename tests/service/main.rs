@@ -11,6 +11,7 @@ mod exports;
 mod faults;
 mod labels;
 mod load;
+mod memory;
 mod outside;
 mod shutdown;
 mod tracking;

@@ -3,9 +3,11 @@
 
 pub mod bundle;
 pub mod onnx;
+mod process;
 mod robot;
 mod server;
 
+pub use process::ServerProcess;
 pub use robot::{Robot, raw};
 pub use server::{Server, first_error, tiny_config};
 

@@ -10,6 +10,8 @@ const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
 /// Metres per unit of its 16-bit depth images.
 const DEPTH_UNIT_METRES: f64 = 1.0 / 6553.5;
+/// How far beside a thing's box the centre of what is found may lie.
+const BOX_MARGIN_METRES: f64 = 0.1;
 /// Between frames.
 const FRAME_NANOS: u64 = 33_333_333;
 
@@ -129,6 +131,18 @@ impl Robot {
         let id = self.views[frame].instances[(row * WIDTH + column) as usize];
         let at = usize::from(id).checked_sub(1)?;
         Some(self.room.instances()[at].class)
+    }
+
+    /// Whether a point of the world lies in the box of a thing of that class, or at most
+    /// [`BOX_MARGIN_METRES`] beside it.
+    pub fn is_in(&self, class: &str, point: [f32; 3]) -> bool {
+        self.room.instances().iter().filter(|thing| thing.class == class).any(|thing| {
+            (0..3).all(|axis| {
+                let at = f64::from(point[axis]);
+                at >= thing.aabb_min[axis] - BOX_MARGIN_METRES
+                    && at <= thing.aabb_max[axis] + BOX_MARGIN_METRES
+            })
+        })
     }
 
     /// Pixels of a class in a frame.

@@ -112,16 +112,8 @@ impl Server {
     ) -> Vec<&'static str> {
         let mut found = Vec::new();
         for (class, frame) in things {
-            let query = Query {
-                text: (*class).into(),
-                negatives: Vec::new(),
-                view: Some(View::Frame(*frame as u64)),
-                outputs: Outputs::VIEW,
-                threshold: None,
-                smoothing_pixels: None,
-                max_objects: 10,
-                filter: SpatialFilter::default(),
-            };
+            let view = Some(View::Frame(*frame as u64));
+            let query = Query { view, outputs: Outputs::VIEW, ..in_space(class) };
             let answer = self.engine.query_snapshot(snapshot.clone(), query).await;
             let peak = answer.expect("it is answered").peak.expect("a view query has a peak");
             let seen = robot.class_at(*frame, peak.x as u32, peak.y as u32);
@@ -132,9 +124,45 @@ impl Server {
         found
     }
 
+    /// The things whose best object in space has its centre in a thing of that class.
+    pub async fn located(
+        &self,
+        robot: &Robot,
+        snapshot: &Arc<MapSnapshot>,
+        things: &[(&'static str, usize)],
+    ) -> Vec<&'static str> {
+        let mut located = Vec::new();
+        for (class, _) in things {
+            let answer = self.engine.query_snapshot(snapshot.clone(), in_space(class)).await;
+            let answer = answer.expect("it is answered");
+            let objects = answer.objects.expect("a question about space has objects");
+            let points = answer.points.expect("and points");
+            assert_eq!(objects.is_empty(), points.is_empty(), "points are the objects' surface");
+            let is_there = |center| robot.is_in(class, center);
+            if objects.first().is_some_and(|best| is_there(best.center.into())) {
+                located.push(*class);
+            }
+        }
+        located
+    }
+
     /// The address of a path over HTTP.
     pub fn url(&self, path: &str) -> String {
         format!("http://{}{path}", self.http)
+    }
+}
+
+/// A question about the whole map.
+fn in_space(text: &str) -> Query {
+    Query {
+        text: text.into(),
+        negatives: Vec::new(),
+        view: None,
+        outputs: Outputs::SPACE,
+        threshold: None,
+        smoothing_pixels: None,
+        max_objects: 10,
+        filter: SpatialFilter::default(),
     }
 }
 

@@ -52,6 +52,13 @@ impl Tier {
         self == Tier::Software
     }
 
+    /// Whether kernels read their arguments from a storage buffer instead of a uniform one. Mesa's
+    /// software driver compiles a kernel anew for each value of a uniform that a branch depends on, and
+    /// keeps every version: memory grew by 0.8 MB with each new view.
+    pub(crate) fn stores_arguments(self) -> bool {
+        self == Tier::Software
+    }
+
     /// Optional features that a device of this tier must have.
     pub(crate) fn features(self) -> wgpu::Features {
         self.subgroup().map_or(wgpu::Features::empty(), |_| wgpu::Features::SUBGROUP)

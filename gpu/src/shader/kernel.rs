@@ -22,29 +22,34 @@ impl Kernel {
     /// memory, [`GpuError::Kernel`] when the compiler refuses.
     pub fn new(gpu: &Gpu, shader: &Shader) -> Result<Self, GpuError> {
         let found = gpu.limits().max_storage_buffers_per_shader_stage.into();
-        let needed = shader.bindings.len() as u64;
+        let needed = (shader.bindings.len() + usize::from(gpu.tier().stores_arguments())) as u64;
         if needed > found {
             let limit = "max_storage_buffers_per_shader_stage";
             return Err(GpuError::Limit { limit, found, needed });
         }
         gpu.scoped(
-            |device| Self::compile(device, shader),
+            |device| Self::compile(device, shader, gpu.tier().stores_arguments()),
             |reason| GpuError::Kernel { kernel: shader.label, reason },
         )
     }
 
-    fn compile(device: &wgpu::Device, shader: &Shader) -> Self {
+    fn compile(device: &wgpu::Device, shader: &Shader, stores_arguments: bool) -> Self {
         let label = Some(shader.label);
+        let mut text = shader.compose();
+        let mut arguments = wgpu::BufferBindingType::Uniform;
+        if stores_arguments {
+            text = text.replace("var<uniform>", "var<storage, read>");
+            arguments = wgpu::BufferBindingType::Storage { read_only: true };
+        }
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
-            source: wgpu::ShaderSource::Wgsl(shader.compose().into()),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
         });
-        let uniform = wgpu::BufferBindingType::Uniform;
         let storage = shader
             .bindings
             .iter()
             .map(|access| wgpu::BufferBindingType::Storage { read_only: *access == Access::Read });
-        let entries: Vec<_> = std::iter::once(uniform)
+        let entries: Vec<_> = std::iter::once(arguments)
             .chain(storage)
             .zip(0..)
             .map(|(ty, binding)| wgpu::BindGroupLayoutEntry {

@@ -48,7 +48,9 @@ impl<'a> Recorder<'a> {
         let descriptor = wgpu::BufferDescriptor {
             label: Some("uniforms"),
             size: bytes,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            usage: wgpu::BufferUsages::UNIFORM
+                | wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         };
         gpu.scoped(

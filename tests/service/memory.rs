@@ -1,0 +1,115 @@
+//! What keyframes are said to take is what the process takes.
+
+use lexsplat_proto::v1::mapping_client::MappingClient;
+use lexsplat_proto::v1::{self, frame_message::Message};
+use lexsplat_tests::ServerProcess;
+use serde_json::Value;
+use std::time::Duration;
+
+const WIDTH: u32 = 600;
+const HEIGHT: u32 = 340;
+const PIXELS: usize = (WIDTH * HEIGHT) as usize;
+/// Keyframes before memory is looked at: buffers and the driver's caches have their size by then.
+const WARM_UP: u64 = 10;
+/// Keyframes between the two looks.
+const MEASURED: u64 = 20;
+/// Most difference between growth of the process and growth of what is reported, as a share of the latter.
+const TOLERANCE: f64 = 0.1;
+/// A keyframe's colors and depth on the device: 8 bytes a pixel.
+const TARGET_BYTES: u64 = 8 * PIXELS as u64;
+
+/// The message that opens the map: given poses, one label.
+fn open() -> v1::FrameMessage {
+    let open = v1::OpenMap {
+        map: "wall".into(),
+        intrinsics: Some(v1::Intrinsics {
+            width: WIDTH,
+            height: HEIGHT,
+            fx: 500.0,
+            fy: 500.0,
+            cx: 299.5,
+            cy: 169.5,
+        }),
+        depth_unit_metres: 0.001,
+        pose_source: v1::PoseSource::Given.into(),
+        label_texts: vec!["wall".into()],
+    };
+    v1::FrameMessage { message: Some(Message::Open(open)) }
+}
+
+/// A colored wall 2 m away, so far beside the last frame's that each frame becomes a keyframe.
+fn frame(sequence: u64) -> v1::FrameMessage {
+    let rgb: Vec<u8> = (0..3 * PIXELS).map(|at| (at * 7 + at / 600 * 13) as u8).collect();
+    let frame = v1::Frame {
+        sequence,
+        timestamp_nanos: sequence * 33_333_333,
+        color_format: v1::ColorFormat::Rgb8.into(),
+        color: rgb.into(),
+        depth_format: v1::DepthFormat::F32Metres.into(),
+        depth: 2.0_f32.to_le_bytes().repeat(PIXELS).into(),
+        label_format: v1::LabelFormat::U16.into(),
+        labels: 1_u16.to_le_bytes().repeat(PIXELS).into(),
+        world_from_camera: Some(v1::Pose {
+            rotation: Some(v1::Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 }),
+            translation_metres: Some(v1::Vector3 { x: 3.0 * sequence as f64, y: 0.0, z: 0.0 }),
+        }),
+        ..v1::Frame::default()
+    };
+    v1::FrameMessage { message: Some(Message::Frame(frame)) }
+}
+
+/// Streams frames and waits until the map is settled; returns its status.
+async fn walk(server: &ServerProcess, sequences: std::ops::Range<u64>) -> Value {
+    let end = sequences.end;
+    let mut client =
+        MappingClient::connect(format!("http://{}", server.grpc)).await.expect("it listens");
+    let messages = std::iter::once(open()).chain(sequences.map(frame));
+    let acks = client.stream_frames(tokio_stream::iter(messages)).await.expect("it opens");
+    let mut acks = acks.into_inner();
+    while let Some(ack) = acks.message().await.expect("the stream ends well") {
+        assert!(ack.refused_field.is_empty(), "{ack:?}");
+    }
+    for _ in 0..600 {
+        let url = format!("http://{}/v1/maps/wall", server.http);
+        let status = reqwest::get(url).await.expect("it answers").json::<Value>().await;
+        let status = status.expect("with JSON");
+        if status["settled"] == true && status["frames_tracked"] == end {
+            assert_eq!(status["keyframes"], end, "every frame is a keyframe");
+            return status;
+        }
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    }
+    panic!("the map does not settle");
+}
+
+/// Bytes that the status reports.
+fn reported(status: &Value) -> u64 {
+    let bytes = |key: &str| status[key].as_u64().expect("a number of bytes");
+    bytes("keyframe_bytes") + bytes("gpu_bytes")
+}
+
+fn agrees(process: u64, reported: u64) -> bool {
+    (process as f64 - reported as f64).abs() <= TOLERANCE * reported as f64
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn memory_grows_by_what_keyframes_report() {
+    let server = ServerProcess::start(&[
+        // Few Gaussians and steps: only keyframes grow.
+        ("LEXSPLAT__MAPPER__MAX_GAUSSIANS", "1000"),
+        ("LEXSPLAT__MAPPER__STEPS_PER_KEYFRAME", "1"),
+        ("LEXSPLAT__MAPPER__MAX_KEYFRAME_MIB", "4096"),
+        ("LEXSPLAT__MAPPER__TRAIN_WIDTH", "600"),
+    ]);
+    let before = walk(&server, 0..WARM_UP).await;
+    let resident_before = server.resident_bytes();
+    let after = walk(&server, WARM_UP..WARM_UP + MEASURED).await;
+    let process = server.resident_bytes().saturating_sub(resident_before);
+    let reported = reported(&after) - reported(&before);
+    let each = |bytes: u64| bytes as f64 / MEASURED as f64 / 1e6;
+    println!("a keyframe: process {:.2} MB, reported {:.2} MB", each(process), each(reported));
+    assert!(agrees(process, reported), "process {process} bytes, reported {reported}");
+    // Negative controls: a count without the device's images, or of half of all, is found out.
+    assert!(!agrees(process, reported - MEASURED * TARGET_BYTES), "the device's images count");
+    assert!(!agrees(process, reported / 2), "half of the truth");
+}
