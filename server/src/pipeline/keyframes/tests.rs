@@ -1,3 +1,5 @@
+//! Tests of the store of keyframes.
+
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::{Frame, Intrinsics, TrackedPose};
 use super::thumbnail::tests::stripes;
