@@ -156,7 +156,7 @@ mod tests {
                 let body = r#"{"query_id":"q","text":"cup","map":"a","revision":1,"present":true,
                     "confidence":1,"coverage":1,"threshold":0.5,
                     "timing_ms":{"text":0,"render":0,"decode":0,"score":0,"total":0},
-                    "frames":[{"sequence":0,"has_language":true,
+                    "frames":[{"sequence":0,"timestamp":0,"timestamp_nanos":0,"has_language":true,
                     "world_from_camera":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1],
                     "camera":{"width":1,"height":1,"fx":1,"fy":1,"cx":0,"cy":0}}]}"#;
                 let length = body.len();
