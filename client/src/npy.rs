@@ -1,79 +1,69 @@
-//! Reads NumPy's `.npy` as the server writes it: version 1.0, float32, little-endian, C order.
-//! In: bytes. Out: a shape and that many values. Other kinds of arrays are refused.
+//! Arrays in the server's answers: NumPy's `.npy`, float32, little-endian, C order. The `npyz` crate
+//! reads them; arrays of other kinds are refused.
 
-/// Values with a shape, the last axis running fastest.
+use npyz::{NpyFile, NpyHeader, Order};
+
+/// Values with a shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// Lengths of the axes.
+    /// Lengths of the axes; the last one runs fastest.
     pub shape: Vec<usize>,
-    /// As many as the product of the shape.
+    /// As many values as the product of the shape.
     pub values: Vec<f32>,
 }
 
-/// Why bytes are no such array.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-#[error("npy {field}: expected {expected}, found {found}")]
-pub struct NpyError {
-    field: &'static str,
-    expected: String,
-    found: String,
+/// Bytes that are not such an array.
+#[derive(Debug, thiserror::Error)]
+pub enum NpyError {
+    /// The header cannot be read.
+    #[error("npy header: {0}")]
+    Header(std::io::Error),
+    /// The array is of another kind.
+    #[error("npy {field}: expected {expected}, found {found}")]
+    Kind {
+        /// Field of the header.
+        field: &'static str,
+        /// The only accepted value.
+        expected: &'static str,
+        /// The value in the file.
+        found: String,
+    },
+    /// The data does not fit the shape.
+    #[error("npy data: expected float32 of shape {shape:?}, found {bytes} bytes")]
+    Size {
+        /// Shape in the header.
+        shape: Vec<u64>,
+        /// Bytes after the header.
+        bytes: usize,
+    },
 }
 
-const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
-const LENGTH_BYTES: usize = 2;
+const FLOAT32: &str = "'<f4'";
 
 /// Reads an array.
 ///
 /// # Errors
-/// [`NpyError`] names what is wrong.
+/// [`NpyError`] if the bytes are not such an array.
 pub fn read(file: &[u8]) -> Result<Array, NpyError> {
-    let wrong = |field, expected: &str, found: String| {
-        Err(NpyError { field, expected: expected.into(), found })
-    };
-    let start = MAGIC.len() + LENGTH_BYTES;
-    let Some(rest) = file.get(start..).filter(|_| file.starts_with(MAGIC)) else {
-        let first = &file[..file.len().min(MAGIC.len())];
-        return wrong("magic", "a version 1.0 file", format!("{first:02x?}"));
-    };
-    let header_bytes = usize::from(u16::from_le_bytes([file[MAGIC.len()], file[MAGIC.len() + 1]]));
-    let Some((header, data)) = rest.split_at_checked(header_bytes) else {
-        return wrong("header", &format!("{header_bytes} bytes"), rest.len().to_string());
-    };
-    let header = String::from_utf8_lossy(header);
-    for (field, expected) in [("descr", "'<f4'"), ("fortran_order", "False")] {
-        if after(&header, field).is_none_or(|value| !value.starts_with(expected)) {
-            return wrong(field, expected, header.trim().to_owned());
-        }
+    let mut data = file;
+    let header = NpyHeader::from_reader(&mut data).map_err(NpyError::Header)?;
+    let descr = header.dtype().descr();
+    if descr != FLOAT32 {
+        return Err(NpyError::Kind { field: "descr", expected: FLOAT32, found: descr });
     }
-    let Some(shape) = after(&header, "shape").and_then(tuple) else {
-        return wrong("shape", "a tuple of lengths", header.trim().to_owned());
-    };
-    let (values, spare) = data.as_chunks::<4>();
-    let count = shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
-    if count != Some(values.len()) || !spare.is_empty() {
-        return wrong(
-            "data",
-            &format!("float32 of shape {shape:?}"),
-            format!("{} bytes", data.len()),
-        );
+    if header.order() != Order::C {
+        let (field, expected) = ("fortran_order", "False");
+        return Err(NpyError::Kind { field, expected, found: "True".into() });
     }
-    Ok(Array { shape, values: values.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect() })
-}
-
-/// What follows a key of the header.
-fn after<'a>(header: &'a str, key: &str) -> Option<&'a str> {
-    let (_, value) = header.split_once(&format!("'{key}':"))?;
-    Some(value.trim_start())
-}
-
-fn tuple(text: &str) -> Option<Vec<usize>> {
-    let (inside, _) = text.strip_prefix('(')?.split_once(')')?;
-    inside
-        .split(',')
-        .map(str::trim)
-        .filter(|side| !side.is_empty())
-        .map(|side| side.parse().ok())
-        .collect()
+    let wrong_size = || NpyError::Size { shape: header.shape().to_vec(), bytes: data.len() };
+    let sides = header.shape().iter().map(|side| usize::try_from(*side).ok());
+    let shape: Vec<usize> = sides.collect::<Option<_>>().ok_or_else(wrong_size)?;
+    let bytes = shape.iter().try_fold(size_of::<f32>(), |product, side| product.checked_mul(*side));
+    if bytes != Some(data.len()) {
+        return Err(wrong_size());
+    }
+    let values = NpyFile::with_header(header, data).into_vec().map_err(NpyError::Header)?;
+    Ok(Array { shape, values })
 }
 
 #[cfg(test)]
@@ -82,7 +72,7 @@ mod tests {
 
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
         let length = (header.len() as u16).to_le_bytes();
-        [MAGIC, &length, header.as_bytes(), data].concat()
+        [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat()
     }
 
     const HEADER: &str = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1, ), }   \n";
@@ -96,15 +86,21 @@ mod tests {
 
     #[test]
     fn other_files_are_refused_with_the_field() {
-        let field = |bytes: &[u8]| read(bytes).map_err(|error| error.field).unwrap_err();
-        assert_eq!(field(b""), "magic");
-        assert_eq!(field(b"\x89PNG\r\n\x1a\n and more"), "magic");
-        assert_eq!(field(&file(HEADER, &[])[..40]), "header");
-        assert_eq!(field(&file(&HEADER.replace("<f4", "<f8"), &[0; 16])), "descr");
-        assert_eq!(field(&file(&HEADER.replace("False", "True"), &[0; 8])), "fortran_order");
-        assert_eq!(field(&file(&HEADER.replace("(2, 1, )", "(2, x)"), &[0; 8])), "shape");
+        let error = |bytes: &[u8]| read(bytes).unwrap_err().to_string();
+        for bytes in [&b""[..], b"\x89PNG\r\n\x1a\n and more", &file(HEADER, &[])[..40]] {
+            assert!(error(bytes).starts_with("npy header: "), "{}", error(bytes));
+        }
+        let shape = file(&HEADER.replace("(2, 1, )", "(2, x)"), &[0; 8]);
+        assert!(error(&shape).starts_with("npy header: "), "{}", error(&shape));
+        let descr = file(&HEADER.replace("<f4", "<f8"), &[0; 16]);
+        assert_eq!(error(&descr), "npy descr: expected '<f4', found '<f8'");
+        let order = file(&HEADER.replace("False", "True"), &[0; 8]);
+        assert_eq!(error(&order), "npy fortran_order: expected False, found True");
         for bytes in [4, 7, 9, 12] {
-            assert_eq!(field(&file(HEADER, &vec![0; bytes])), "data");
+            let error = error(&file(HEADER, &vec![0; bytes]));
+            let expected =
+                format!("npy data: expected float32 of shape [2, 1], found {bytes} bytes");
+            assert_eq!(error, expected);
         }
     }
 }

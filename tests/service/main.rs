@@ -7,6 +7,7 @@ mod bundles;
 mod clock;
 mod end_to_end;
 mod evaluate;
+mod examples;
 mod exports;
 mod faults;
 mod labels;

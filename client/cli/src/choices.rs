@@ -8,7 +8,7 @@ use lexsplat_client::stream;
 pub enum Poses {
     /// From the data set
     Given,
-    /// The server tracks the camera itself; the data set only says where the first frame is
+    /// The server tracks the camera; the data set only gives the pose of the first frame
     #[value(alias = "estimated")]
     Estimate,
 }
@@ -25,7 +25,7 @@ impl From<Poses> for stream::Poses {
 /// Where the map's language comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Encoder {
-    /// The server's networks look at each keyframe
+    /// The server's networks encode each keyframe
     Bundle,
     /// The data set's masks: each pixel's language is the name of its class
     Oracle,

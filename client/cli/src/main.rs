@@ -1,5 +1,4 @@
-//! The command line `lexsplat`: turns arguments into calls of one file per command, and results into
-//! exit codes (0 done, 1 failed, 2 wrong usage).
+//! The command line `lexsplat`. Exit codes: 0 done, 1 failed, 2 wrong usage.
 
 mod answer;
 mod bench;
@@ -14,7 +13,7 @@ mod server;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Stream RGB-D data to a lexsplat server and ask it where things are.
+/// Stream RGB-D data to a lexsplat server and ask it where objects are.
 #[derive(Parser)]
 #[command(name = "lexsplat", version)]
 struct Arguments {

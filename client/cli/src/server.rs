@@ -1,5 +1,5 @@
-//! A server of one's own: started on free ports, heard until it is ready, stopped by SIGTERM. Its log
-//! goes to a file, whose last lines are shown if something goes wrong.
+//! A server process: started on free ports, awaited until it is ready, stopped by SIGTERM. Its log goes to
+//! a file; errors show the last lines of it.
 
 use anyhow::{Context as _, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
@@ -12,23 +12,23 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 const START_LIMIT: Duration = Duration::from_secs(180);
-/// The server itself gives calls 30 s to finish.
+/// The server gives running calls 30 s to finish.
 const STOP_LIMIT: Duration = Duration::from_secs(60);
 const SHOWN_LINES: usize = 12;
 const POLL: Duration = Duration::from_millis(20);
 
-/// What to start.
+/// The program to start and its settings.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The binary.
     pub program: PathBuf,
-    /// Its settings; absent: its own.
+    /// Settings file; absent for the server's own default.
     pub config: Option<PathBuf>,
-    /// The folder of a bundle of networks; absent: what the settings say.
+    /// Folder of a bundle of networks; absent for the one in the settings.
     pub models: Option<PathBuf>,
-    /// Settings that win over the file's: (`SECTION__KEY`, value).
+    /// Settings that override the file: (`SECTION__KEY`, value).
     pub settings: Vec<(&'static str, &'static str)>,
-    /// Where its log goes.
+    /// File for the log.
     pub log: PathBuf,
 }
 
@@ -47,16 +47,16 @@ impl Plan {
     }
 }
 
-/// What the server says when it is ready.
+/// The line that the server prints when it is ready.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 pub struct Ready {
-    /// Where robots connect.
+    /// gRPC address.
     pub grpc: String,
-    /// Where questions are asked.
+    /// HTTP address.
     pub http: String,
-    /// What it renders on.
+    /// Graphics adapter.
     pub adapter: String,
-    /// Which networks it has.
+    /// Bundle of networks.
     pub bundle: String,
 }
 
@@ -65,14 +65,14 @@ pub struct Ready {
 pub struct Server {
     child: Child,
     log: PathBuf,
-    /// What it said.
+    /// Its addresses, adapter and networks.
     pub ready: Ready,
 }
 
-/// The server's binary beside this one.
+/// The server's binary in the folder of this program.
 ///
 /// # Errors
-/// If there is none.
+/// If it is not there.
 pub fn beside_this() -> Result<PathBuf> {
     let own = std::env::current_exe().context("cannot tell where this program is")?;
     let program = own.with_file_name("lexsplat-server");
@@ -86,7 +86,7 @@ impl Server {
     /// Starts it and waits until it is ready.
     ///
     /// # Errors
-    /// If it cannot be started, ends, or is not ready in time; with its last words.
+    /// If it cannot be started, ends, or is not ready in time; with the end of its log.
     pub async fn start(plan: &Plan) -> Result<Self> {
         let Plan { program, log, .. } = plan;
         let file = File::create(log).with_context(|| format!("cannot write {}", log.display()))?;
@@ -108,7 +108,7 @@ impl Server {
         match ready {
             Ok(ready) => Ok(Self { child, log: log.clone(), ready }),
             Err(error) => {
-                // It may be gone already.
+                // The process may have ended already.
                 let _ = child.kill();
                 let _ = child.wait();
                 Err(error)
@@ -116,7 +116,7 @@ impl Server {
         }
     }
 
-    /// Adds to an error what the server's log knows about it.
+    /// Adds the state of the server and its log to an error.
     pub fn explain(&mut self, error: anyhow::Error) -> anyhow::Error {
         match self.child.try_wait() {
             Ok(Some(status)) => {
@@ -130,7 +130,7 @@ impl Server {
     /// Asks it to stop and waits.
     ///
     /// # Errors
-    /// If it does not stop, or fails while it does.
+    /// If it does not stop in time, or exits with an error.
     pub fn stop(mut self) -> Result<()> {
         let status = self.end()?;
         if !status.success() {
@@ -165,15 +165,14 @@ impl Drop for Server {
     }
 }
 
-/// The child's first line of output, as soon as it is there; the rest is read and dropped, so that
-/// the child never waits.
+/// The first line of the child's output. The rest is read and dropped, so that the child never blocks.
 fn first_line(child: &mut Child) -> Result<oneshot::Receiver<String>> {
     let output = child.stdout.take().context("the server has no standard output")?;
     let (sender, receiver) = oneshot::channel();
     let read = move || {
         let mut lines = BufReader::new(output).lines().map_while(Result::ok);
         if let Some(line) = lines.next() {
-            // Whoever waited may have given up.
+            // The receiver is gone if the wait timed out.
             let _ = sender.send(line);
         }
         lines.for_each(drop);
@@ -183,7 +182,7 @@ fn first_line(child: &mut Child) -> Result<oneshot::Receiver<String>> {
     Ok(receiver)
 }
 
-/// The end of a log, to be put behind a message; nothing if there is no log.
+/// The end of a log, to be appended to a message.
 fn last_words(log: &Path) -> String {
     let text = String::from_utf8_lossy(&std::fs::read(log).unwrap_or_default()).into_owned();
     let lines: Vec<&str> = text.lines().collect();

@@ -1,10 +1,9 @@
-//! How near one cloud of points is to another. In: points, metres. Out: Chamfer and earth mover's
-//! distance, metres; voxels' means; samples.
+//! Distances between point clouds, metres: Chamfer and earth mover's distance; voxel means; samples.
 //!
 //! Chamfer = mean over a of |a - nearest b| + mean over b of |b - nearest a|, not squared (paper §5,
 //! "3D localisation"). EMD = the mean distance of the best one-to-one pairing of two samples of
 //! equal size: exact, by shortest augmenting paths (D. Crouse, "On implementing 2D rectangular
-//! assignment algorithms", 2016; what SciPy's `linear_sum_assignment` does). The only error is that of
+//! assignment algorithms", 2016, as in SciPy's `linear_sum_assignment`). Its only error is that of the
 //! sampling.
 
 use rand::SeedableRng;
@@ -17,19 +16,19 @@ use std::collections::HashMap;
 /// A point, metres.
 pub type Point = [f64; 3];
 
-/// Which points are sampled is the same in every run.
+/// Seed of the sampling: every run samples the same points.
 const SEED: u64 = 0x5eed;
 
-/// Points gathered in voxels, so that what was seen often does not weigh more.
+/// Points gathered in voxels, so that places seen often do not weigh more.
 #[derive(Debug)]
 pub struct Voxels {
     side: f64,
-    /// Sum and count.
+    /// Sum and number of the points of each voxel.
     cells: HashMap<[i64; 3], (Point, f64)>,
 }
 
 impl Voxels {
-    /// Of this side, metres.
+    /// Empty voxels of this side, metres.
     pub fn new(side: f64) -> Self {
         Self { side, cells: HashMap::new() }
     }
@@ -42,7 +41,7 @@ impl Voxels {
         *count += 1.0;
     }
 
-    /// The mean of each voxel's points, in the voxels' order.
+    /// The mean of each voxel's points, ordered by voxel.
     pub fn means(&self) -> Vec<Point> {
         let mut cells: Vec<_> = self.cells.iter().collect();
         cells.sort_unstable_by_key(|(at, _)| **at);
@@ -50,7 +49,7 @@ impl Voxels {
     }
 }
 
-/// The two halves of the Chamfer distance: from `found` to `truth` and back. Nothing if one is empty.
+/// The two terms of the Chamfer distance: from `found` to `truth` and back. `None` if one is empty.
 pub fn chamfer(found: &[Point], truth: &[Point]) -> Option<[f64; 2]> {
     if found.is_empty() || truth.is_empty() {
         return None;
@@ -61,25 +60,25 @@ pub fn chamfer(found: &[Point], truth: &[Point]) -> Option<[f64; 2]> {
             let nearest = tree.nearest_neighbor(*point).expect("there is a point");
             distance(point, nearest)
         };
-        // Summed in order, so that two runs give the same digits.
+        // A sum in a fixed order: every run gives the same digits.
         from.par_iter().map(distance).collect::<Vec<_>>().into_iter().sum::<f64>()
             / from.len() as f64
     };
     Some([mean_to(found, truth), mean_to(truth, found)])
 }
 
-/// `count` of the points by chance, the same in every run; where there are fewer, every point as often
-/// as any other (or once more).
+/// `count` random points, the same in every run. If there are fewer points, they are repeated, all
+/// equally often or once more.
 pub fn resampled(points: &[Point], count: usize) -> Vec<Point> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.shuffle(&mut ChaCha8Rng::seed_from_u64(SEED));
     order.into_iter().cycle().take(count).map(|at| points[at]).collect()
 }
 
-/// Mean distance of the pairs of the best pairing; nothing of nothing.
+/// Mean distance of the best one-to-one pairing; `None` if the clouds are empty.
 ///
 /// # Panics
-/// If there are not as many of both.
+/// If the clouds differ in size.
 pub fn earth_movers(found: &[Point], truth: &[Point]) -> Option<f64> {
     assert_eq!(found.len(), truth.len(), "clouds of one size");
     let count = found.len();
@@ -110,7 +109,7 @@ fn assigned(costs: &[f64], count: usize) -> Vec<usize> {
                 if way < cheapest[column] {
                     (cheapest[column], came_from[column]) = (way, row);
                 }
-                // Of equals a free column ends the search.
+                // Among equal ways, one to a free column ends the search.
                 let is_better =
                     cheapest[column] < least || cheapest[column] == least && row_of[column] == NONE;
                 if is_better {

@@ -10,8 +10,8 @@ pub struct Heatmap {
 }
 
 impl Heatmap {
-    /// Mean over a square of `side` pixels; the border is mirrored at its outermost pixels. An even
-    /// side reaches one pixel further left and up. 0 and 1 change nothing.
+    /// The mean over a square of `side` pixels. The image is mirrored at its outermost pixels. An even
+    /// side reaches one pixel further left and up. Sides 0 and 1 change nothing.
     pub fn smoothed(&self, side: usize) -> Self {
         if side < 2 {
             return self.clone();
@@ -23,7 +23,7 @@ impl Heatmap {
         Self { width: self.width, values }
     }
 
-    /// The first pixel with the greatest value, as (column, row); nothing if no value is above 0.
+    /// Column and row of the first pixel with the greatest value; `None` if no value is above 0.
     pub fn peak(&self) -> Option<(usize, usize)> {
         let mut best = (0.0, None);
         for (at, &value) in self.values.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! How near a rendered picture is to the true one. In: RGB pictures of 8 bits, taken as 0..1, and
-//! depths in metres. Out: PSNR (decibels), SSIM (0..1), mean depth error (metres).
+//! Errors of rendered images: PSNR (decibels) and SSIM (0..1) of 8-bit RGB images scaled to 0..1, and
+//! the mean depth error (metres).
 //!
 //! PSNR = -10 log10 of the mean square over all pixels and channels. SSIM: Z. Wang et al., "Image
 //! quality assessment" (2004), Gaussian window of 11x11 with sigma 1.5, K1 = 0.01, K2 = 0.03, mean
-//! over channels and over the pixels whose whole window is in the picture; the released code of the
-//! paper pads with zeros and counts every pixel instead.
+//! over channels and over the pixels with a full window. The released code of the paper pads with zeros
+//! and counts every pixel instead.
 
 use image::RgbImage;
 
@@ -13,19 +13,19 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// How far rendered depths are from measured ones.
+/// Error of rendered depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthError {
-    /// Mean distance over the compared pixels, metres.
+    /// Mean absolute error over pixels that are measured and rendered, metres.
     pub l1_metres: f64,
-    /// Of the measured pixels, the share that the map renders.
+    /// Share of the measured pixels that the map renders.
     pub rendered_share: f64,
 }
 
-/// Peak signal-to-noise ratio, decibels; infinite for equal pictures.
+/// Peak signal-to-noise ratio, decibels; infinite for equal images.
 ///
 /// # Panics
-/// If the pictures are of different sizes.
+/// If the images differ in size.
 pub fn psnr_db(truth: &RgbImage, found: &RgbImage) -> f64 {
     assert_eq!(truth.dimensions(), found.dimensions(), "pictures of one size");
     let square = |(a, b): (&u8, &u8)| {
@@ -36,10 +36,10 @@ pub fn psnr_db(truth: &RgbImage, found: &RgbImage) -> f64 {
     -10.0 * (sum / truth.as_raw().len() as f64).log10()
 }
 
-/// Structural similarity; 1 for equal pictures.
+/// Structural similarity; 1 for equal images.
 ///
 /// # Panics
-/// If the pictures are of different sizes or smaller than the window.
+/// If the images differ in size or are smaller than the window.
 pub fn ssim(truth: &RgbImage, found: &RgbImage) -> f64 {
     assert_eq!(truth.dimensions(), found.dimensions(), "pictures of one size");
     let (width, height) = (truth.width() as usize, truth.height() as usize);
@@ -64,7 +64,7 @@ pub fn ssim(truth: &RgbImage, found: &RgbImage) -> f64 {
     (0..3).map(of_channel).sum::<f64>() / 3.0
 }
 
-/// Gaussian mean, without the border where the window is not full.
+/// Gaussian mean of the pixels with a full window.
 fn blurred(values: &[f64], width: usize) -> Vec<f64> {
     let kernel = kernel();
     let out_width = width - WINDOW + 1;
@@ -94,11 +94,11 @@ fn kernel() -> [f64; WINDOW] {
     weights.map(|weight| weight / sum)
 }
 
-/// Mean distance over the pixels that are measured and rendered; nothing if there are none.
-/// 0 and NaN are neither.
+/// The error over the pixels that are measured and rendered; `None` if there are none. 0 and NaN are
+/// no depth.
 ///
 /// # Panics
-/// If there are not as many of both.
+/// If the lengths differ.
 pub fn depth_error(measured: &[f32], rendered: &[f32]) -> Option<DepthError> {
     assert_eq!(measured.len(), rendered.len(), "depths of one size");
     let is_depth = |metres: f32| metres > 0.0 && metres.is_finite();

@@ -1,23 +1,23 @@
-//! The labels that are asked for, and the frames and pixels that count (paper §5).
+//! The labels that are asked for, and the frames and pixels that count (protocol of paper §5).
 
 use crate::error::EvaluateError;
 use lexsplat_client::dataset::{Mask, Truth};
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, HashMap};
 
-/// How many classes are asked for.
+/// Number of classes that are asked for.
 pub const LABELS: usize = 10;
-/// Classes are counted in every so many frames.
+/// The pixels of classes are counted in every fifth frame.
 pub const COUNTED_EVERY: usize = 5;
-/// How many frames are asked about, as in the paper.
+/// Number of frames that are asked about, as in the paper.
 pub const TEST_FRAMES: usize = 21;
-/// A label with fewer pixels in a frame does not count there.
+/// Fewest pixels with which a label counts in a frame.
 pub const LEAST_PIXELS: usize = 60;
 /// Side of the mean filter (paper), pixels of a frame of [`PAPER_COLUMNS`].
 pub const SMOOTHING: usize = 20;
-/// Columns of the paper's frames: on others the filter is as wide a share of them.
+/// Columns of the paper's frames; on others the filter is scaled in proportion.
 const PAPER_COLUMNS: usize = 1200;
-/// The paper's threshold.
+/// Relevancy threshold of the paper.
 pub const PAPER_THRESHOLD: f32 = 0.5;
 /// Side of the mean filter on a frame, pixels.
 pub fn smoothing(columns: usize) -> usize {

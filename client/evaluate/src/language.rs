@@ -1,10 +1,11 @@
-//! Words against masks: the 2D protocol of the paper (§5), and the same without a threshold.
+//! Queries about frames, scored against masks: the 2D protocol of the paper (§5), and the same without
+//! a threshold.
 //!
-//! Labels: the [`LABELS`] classes with most pixels over every [`COUNTED_EVERY`]-th frame; walls, floor
-//! and ceiling count. Test frames: [`TEST_FRAMES`], evenly spaced over the tracked frames that are no
-//! keyframe. In each test frame each label is asked by its class name and its relevancy map is
-//! fetched unsmoothed at frame size. A label counts in frames that show it with [`LEAST_PIXELS`]; the
-//! frame's value is the mean over its labels, the scene's the mean over its frames.
+//! The labels are the classes with most pixels, walls, floor and ceiling included. The test frames are
+//! evenly spaced over the tracked frames that are no keyframe. In each of them every label is asked by
+//! its class name, and its relevancy map is fetched unsmoothed at frame size. A label counts in frames
+//! that show enough pixels of it. The value of a frame is the mean over its labels, that of the scene
+//! the mean over its frames. The constants are in [`crate::labels`].
 
 use crate::context::{Context, Relevancy};
 use crate::error::EvaluateError;
@@ -19,21 +20,21 @@ use serde::Serialize;
 /// One label in one frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LabelScore {
-    /// The frame.
+    /// Number of the frame.
     pub sequence: u64,
     /// The class.
     pub label: String,
-    /// The label's share of the frame: what a map that knows nothing gets as average precision.
+    /// Share of the frame's pixels: the average precision of a constant map.
     pub share: f64,
     /// IoU of the pixels above 0.5.
     pub iou_paper: f64,
-    /// The same with a filter of [`SMOOTHING`] pixels, whatever the frame's size.
+    /// The same with a filter of 20 pixels at any frame size.
     pub iou_unscaled: f64,
     /// IoU of the pixels above the bundle's threshold.
     pub iou_bundle: f64,
     /// IoU of the released script's mask.
     pub iou_released: f64,
-    /// IoU of the pixels where this label is the most relevant of all.
+    /// IoU of the pixels where this label has the highest relevancy of all labels.
     pub iou_argmax: f64,
     /// Whether the peak lies in a box of the label.
     pub peak_in_box: bool,
@@ -43,59 +44,60 @@ pub struct LabelScore {
     pub average_precision: f64,
 }
 
-/// Means: over a class's frames, or over frames' means.
+/// Means over the frames of a class, or over the means of all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LabelMeans {
     /// See [`LabelScore::share`].
     pub share: f64,
-    /// At 0.5.
+    /// Mean IoU at 0.5.
     pub miou_paper: f64,
-    /// At 0.5 with the paper's filter in pixels, whatever the frame's size.
+    /// Mean IoU at 0.5 with a filter of 20 pixels at any frame size.
     pub miou_unscaled: f64,
-    /// At the bundle's threshold.
+    /// Mean IoU at the bundle's threshold.
     pub miou_bundle: f64,
-    /// Of the released script's mask.
+    /// Mean IoU of the released script's mask.
     pub miou_released: f64,
-    /// Closed set.
+    /// Mean IoU of the closed-set labels (argmax).
     pub miou_argmax: f64,
     /// Share of peaks in a box.
     pub loc_box: f64,
-    /// Share of peaks on the thing.
+    /// Share of peaks on the object.
     pub loc_mask: f64,
     /// Mean average precision.
     pub average_precision: f64,
 }
 
-/// A class with its means.
+/// Mean scores of a class.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ClassScore {
-    /// The class, which was also the query.
+    /// The class; its name is the query.
     pub label: String,
-    /// Test frames that show it.
+    /// Number of test frames that show it.
     pub frames: usize,
-    /// Over these frames.
+    /// Means over these frames.
     #[serde(flatten)]
     pub means: LabelMeans,
 }
 
-/// Times of questions about views: the first about a view renders and decodes it, others find it.
+/// Latency of queries about frames. The first query about a view renders and decodes it; later ones
+/// use the cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Latency {
-    /// Questions.
+    /// Number of queries.
     pub questions: usize,
-    /// Half are answered within this, milliseconds.
+    /// Median, milliseconds.
     pub p50_ms: f64,
-    /// All but one in a hundred are.
+    /// 99th percentile, milliseconds.
     pub p99_ms: f64,
-    /// Mean.
+    /// Mean, milliseconds.
     pub mean_ms: f64,
 }
 
 impl Latency {
-    /// Of the times of all questions, milliseconds.
+    /// Statistics of the latencies of all queries, milliseconds.
     fn of(mut milliseconds: Vec<f64>) -> Self {
         milliseconds.sort_by(f64::total_cmp);
-        // The least time that so many are within (nearest rank).
+        // Nearest rank.
         let within = |share: f64| {
             let rank = (share * milliseconds.len() as f64).ceil().max(1.0) as usize;
             milliseconds.get(rank - 1).copied().unwrap_or_default()
@@ -109,20 +111,20 @@ impl Latency {
     }
 }
 
-/// What came of it.
+/// Scores of queries about frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Language {
-    /// The frames asked about.
+    /// Numbers of the test frames.
     pub test_frames: Vec<u64>,
-    /// The threshold that a query without one gets.
+    /// The server's default threshold.
     pub bundle_threshold: f32,
-    /// Over all frames.
+    /// Means over all test frames.
     pub scene: LabelMeans,
-    /// By class, as many as were seen.
+    /// Means of each class that the test frames show.
     pub classes: Vec<ClassScore>,
-    /// How long a question takes, as the asker sees it.
+    /// Latency that the client sees.
     pub latency: Latency,
-    /// Everything in detail.
+    /// Score of each label in each frame.
     pub scores: Vec<LabelScore>,
 }
 
@@ -161,7 +163,7 @@ pub(crate) async fn score(
     })
 }
 
-/// Everything about one test frame; maps (unsmoothed) and masks in the labels' order.
+/// One test frame: unsmoothed relevancy maps and masks in the order of the labels.
 struct Frame<'a> {
     sequence: u64,
     labels: &'a [String],
@@ -171,7 +173,7 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Of each label that the frame shows.
+    /// Scores of the labels that the frame shows.
     fn scores(&self) -> Vec<LabelScore> {
         let smooth: Vec<Heatmap> =
             self.maps.iter().map(|map| map.smoothed(smoothing(map.width))).collect();
@@ -209,7 +211,7 @@ impl Frame<'_> {
     }
 }
 
-/// The map with the greatest value at each pixel; none where all are 0.
+/// The label with the highest relevancy at each pixel; `None` where all are 0.
 fn best_of(maps: &[Heatmap]) -> Vec<Option<usize>> {
     let pixels = maps.first().map_or(0, |map| map.values.len());
     let best = |pixel: usize| {
@@ -220,7 +222,7 @@ fn best_of(maps: &[Heatmap]) -> Vec<Option<usize>> {
     (0..pixels).map(best).collect()
 }
 
-/// Means of some scores; zeros of none.
+/// Means of scores; zeros if there are none.
 fn means(scores: &[&LabelScore]) -> LabelMeans {
     let of = |value: fn(&LabelScore) -> f64| {
         mean(scores.iter().map(|score| value(score))).unwrap_or_default()

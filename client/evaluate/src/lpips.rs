@@ -1,7 +1,7 @@
-//! LPIPS: how different two pictures look to a network (R. Zhang et al., "The Unreasonable Effectiveness of
-//! Deep Features as a Perceptual Metric", 2018). In: RGB pictures of 8 bits, and the network as an ONNX
-//! file: two inputs `[1, 3, height, width]` in -1..1 of any size, one output of one number. Out: that
-//! number, 0 for equal pictures. None ships: the weights are for whoever has them.
+//! LPIPS, the perceptual distance of two images (R. Zhang et al., "The Unreasonable Effectiveness of Deep
+//! Features as a Perceptual Metric", 2018), computed by a network from an ONNX file: two inputs
+//! `[1, 3, height, width]` in -1..1 of any size, one output of one number, 0 for equal images. No
+//! network is shipped.
 
 use image::RgbImage;
 use ort::environment::Environment;
@@ -10,39 +10,39 @@ use ort::value::{TensorElementType, TensorRef};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// The variable that names ONNX Runtime's library, as all programs that use `ort` have it.
+/// The environment variable with the path of ONNX Runtime's library, as in all programs that use `ort`.
 const RUNTIME_VARIABLE: &str = "ORT_DYLIB_PATH";
 
-/// Why there is no LPIPS.
+/// LPIPS cannot be computed.
 #[derive(Debug, thiserror::Error)]
 pub enum LpipsError {
-    /// No ONNX Runtime.
+    /// ONNX Runtime was not found.
     #[error(
         "LPIPS runs on ONNX Runtime: set {RUNTIME_VARIABLE} to a libonnxruntime.so (`make deps` puts one \
          below .deps/onnxruntime)"
     )]
     NoRuntime,
-    /// ONNX Runtime's own words.
+    /// ONNX Runtime reported an error.
     #[error("LPIPS, {path}: {reason}")]
     Runtime {
-        /// The network, or the library.
+        /// Path of the network or the library.
         path: PathBuf,
-        /// What it says.
+        /// Its message.
         reason: String,
     },
-    /// Another kind of network.
+    /// The network has other inputs or outputs.
     #[error(
         "LPIPS, {path}: expected two inputs f32[1, 3, height, width] and one number out, found {found}"
     )]
     Shape {
-        /// The network.
+        /// Path of the network.
         path: PathBuf,
-        /// What it has.
+        /// Its inputs and outputs.
         found: String,
     },
 }
 
-/// The network, ready to compare.
+/// A loaded network.
 pub struct Lpips {
     path: PathBuf,
     session: Session,
@@ -98,13 +98,13 @@ impl Lpips {
         LpipsError::Shape { path: self.path.clone(), found }
     }
 
-    /// How different the pictures look.
+    /// The distance of two images of equal size.
     ///
     /// # Errors
-    /// [`LpipsError`] if the network takes no pictures of this size, or says more than a number.
+    /// [`LpipsError`] if the network rejects the images or returns more than one number.
     ///
     /// # Panics
-    /// If the pictures are of different sizes.
+    /// If the images differ in size.
     pub fn distance(&mut self, truth: &RgbImage, found: &RgbImage) -> Result<f64, LpipsError> {
         assert_eq!(truth.dimensions(), found.dimensions(), "pictures of one size");
         let failed = |path: &Path, error: &ort::Error| LpipsError::Runtime {
@@ -132,7 +132,7 @@ impl Lpips {
     }
 }
 
-/// The process's one environment: ONNX Runtime takes no second one.
+/// The environment of the process; ONNX Runtime allows only one.
 fn environment(library: &Path) -> Result<Environment, String> {
     static OPENED: Mutex<Option<Environment>> = Mutex::new(None);
     let mut opened = OPENED.lock().expect("nobody panics while opening the environment");

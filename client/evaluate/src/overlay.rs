@@ -1,16 +1,16 @@
-//! Pictures with answers on them. In: an RGB picture and a relevancy map of any size, boxes and
-//! points in pixels, words. Out: RGB pictures. It asks nobody and reads no file.
+//! Drawing answers on RGB images: relevancy maps, boxes, peaks, captions.
 
 use font8x8::{BASIC_FONTS, UnicodeFonts as _};
 use image::{Rgb, RgbImage, imageops};
 use lexsplat_client::http::PixelBox;
 use lexsplat_client::npy::Array;
 
-/// Nothing is colored up to here: the words fit no better than the negatives do.
+/// Relevancies up to this one are not colored: the text fits no better than the negatives.
 pub const NEUTRAL: f32 = 0.5;
-/// The greatest relevancy of a map has the last color, but only from here on: a weak answer is pale.
+/// The highest relevancy of a map gets the last color only from this value on, so that weak answers
+/// stay pale.
 const CLEAR: f32 = 0.6;
-/// Share of the last color in the picture.
+/// Weight of the last color in the image.
 const STRONGEST: f32 = 0.72;
 const BOX_PIXELS: i64 = 2;
 const RING_PIXELS: f32 = 6.0;
@@ -36,11 +36,11 @@ pub fn turbo(value: f32) -> Rgb<u8> {
     }))
 }
 
-/// Lays relevancies `[height, width]` over a picture: the more relevant, the stronger the color;
-/// what is not relevant stays as it is. The map is scaled to the picture.
+/// Colors an image by relevancies `[height, width]`: the higher, the stronger. Pixels without relevancy
+/// keep their color. The map is scaled to the image (nearest pixel).
 ///
 /// # Panics
-/// If the array has not two axes with something in them.
+/// If the array does not have two axes of at least one pixel.
 pub fn heat(picture: &RgbImage, relevancy: &Array) -> RgbImage {
     let [rows, columns] = relevancy.shape[..] else {
         panic!("relevancy: expected 2 axes, found {:?}", relevancy.shape);
@@ -54,7 +54,7 @@ pub fn heat(picture: &RgbImage, relevancy: &Array) -> RgbImage {
         let row = y as usize * rows / height as usize;
         let value = relevancy.values[row * columns + column];
         let strength = ((value - NEUTRAL) / (greatest - NEUTRAL)).clamp(0.0, 1.0);
-        // A NaN colors nothing.
+        // NaN leaves the pixel as it is.
         let share = if strength > 0.0 { STRONGEST * strength.sqrt() } else { 0.0 };
         let color = turbo(strength);
         for (channel, target) in pixel.0.iter_mut().zip(color.0) {
@@ -65,7 +65,7 @@ pub fn heat(picture: &RgbImage, relevancy: &Array) -> RgbImage {
     out
 }
 
-/// Draws a box's outline, inside its bounds.
+/// Draws the outline of a box, inside its bounds.
 pub fn outline(picture: &mut RgbImage, bounds: &PixelBox, color: Rgb<u8>) {
     let (x0, y0) = (bounds.x.round() as i64, bounds.y.round() as i64);
     let x1 = x0 + bounds.width.round() as i64;
@@ -95,8 +95,8 @@ pub fn ring(picture: &mut RgbImage, x: f32, y: f32) {
     }
 }
 
-/// The picture with words on a dark band above it; what is too long is cut, what the font does not
-/// know is left out.
+/// The image below a caption on a dark band. Long captions are cut; letters that the font lacks are left
+/// out.
 pub fn captioned(picture: &RgbImage, words: &str) -> RgbImage {
     let mut out = RgbImage::from_pixel(picture.width(), picture.height() + BAND, INK);
     imageops::replace(&mut out, picture, 0, i64::from(BAND));
@@ -117,7 +117,7 @@ pub fn captioned(picture: &RgbImage, words: &str) -> RgbImage {
     out
 }
 
-/// Two pictures side by side; the lower one is filled up with dark.
+/// Two images side by side; the space below the lower one is dark.
 pub fn beside(left: &RgbImage, right: &RgbImage) -> RgbImage {
     let (width, height) = (left.width() + right.width(), left.height().max(right.height()));
     let mut out = RgbImage::from_pixel(width, height, INK);
@@ -126,7 +126,7 @@ pub fn beside(left: &RgbImage, right: &RgbImage) -> RgbImage {
     out
 }
 
-/// Pictures below each other; narrower ones are filled up with dark.
+/// Images below each other; the space beside narrower ones is dark.
 pub fn stacked(pictures: &[RgbImage]) -> RgbImage {
     let width = pictures.iter().map(RgbImage::width).max().unwrap_or(0);
     let height = pictures.iter().map(RgbImage::height).sum();

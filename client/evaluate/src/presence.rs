@@ -1,10 +1,9 @@
-//! Is what was asked for there? Answers about things that are there and things that are not: how
-//! often `present` is right, and whether `confidence` is what it says. In: answers and what is true.
-//! Out: accuracies, a reliability curve, expected calibration error, Brier score, and the logistic
-//! that would have fitted.
+//! Presence: whether the map knows that an object is there or absent, and how well `confidence` is
+//! calibrated. Accuracies, reliability curve, expected calibration error, Brier score, and the best
+//! logistic fit.
 //!
-//! The logistic is fitted to the confidences' logits, which are linear in the server's scores: a logit z
-//! would better be scale z + offset. The fit is that of J. Platt, "Probabilistic outputs for support
+//! The logistic is fitted to the logits of the confidences, which are linear in the server's scores: a
+//! logit z becomes scale z + offset. The fit is that of J. Platt, "Probabilistic outputs for support
 //! vector machines" (1999), with his targets, by Newton's method.
 //! Calibration: M. P. Naeini et al., "Obtaining well calibrated probabilities using Bayesian
 //! binning" (2015): the mean over ten bins, weighted by size, of |mean confidence - share there|.
@@ -18,7 +17,7 @@ use lexsplat_client::dataset::Truth;
 use lexsplat_client::http::{Answer, Question};
 use serde::Serialize;
 
-/// Nouns of households; those that the scene has are left out.
+/// Household nouns; those that the scene has are left out.
 #[rustfmt::skip]
 const ABSENT: [&str; 40] = [
     "washing machine", "vacuum cleaner", "ironing board", "aquarium", "bird cage", "candle",
@@ -28,36 +27,36 @@ const ABSENT: [&str; 40] = [
     "teddy bear", "hammock", "dishwasher", "toothbrush", "shower", "watering can", "typewriter",
     "wheelchair", "violin", "baby crib", "chessboard",
 ];
-/// How many nouns that are not there are asked for.
+/// Number of absent nouns that are asked for.
 pub const ABSENT_NOUNS: usize = 30;
-/// Each noun is asked about in so many views.
+/// Number of views in which each noun is asked.
 pub const VIEWS: usize = 6;
 /// Bins of a reliability curve.
 const BINS: usize = 10;
 const NEWTON_STEPS: usize = 50;
 
-/// One answer and what is true.
+/// An answer and the truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judgement {
-    /// What was asked for.
+    /// The query.
     pub text: String,
-    /// In which view; absent: in the whole map.
+    /// The frame that was asked about; absent for the whole map.
     pub frame: Option<u64>,
-    /// Whether it is there.
+    /// Whether the object is there.
     pub there: bool,
-    /// Whether the server says so.
+    /// The server's `present`.
     pub present: bool,
-    /// How sure it says it is.
+    /// The server's `confidence`.
     pub confidence: f32,
 }
 
 impl Judgement {
-    /// Of an answer about the whole map.
+    /// Judges an answer about the whole map.
     pub fn in_space(answer: &Answer, there: bool) -> Self {
         Self::of(answer, None, there)
     }
 
-    /// Of an answer about a frame's view.
+    /// Judges an answer about a frame.
     fn in_view(answer: &Answer, frame: u64, there: bool) -> Self {
         Self::of(answer, Some(frame), there)
     }
@@ -68,7 +67,8 @@ impl Judgement {
         Self { text, frame, there, present, confidence }
     }
 
-    /// None of certainty: there was nothing to judge by, or more than the confidence's digits say.
+    /// The logit of the confidence; `None` if it is 0 or 1: either there was no evidence, or its digits
+    /// do not suffice.
     fn logit(&self) -> Option<f64> {
         let confidence = f64::from(self.confidence);
         let logit = (confidence / (1.0 - confidence)).ln();
@@ -80,60 +80,60 @@ impl Judgement {
     }
 }
 
-/// Answers whose confidences are alike.
+/// Answers of similar confidence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bin {
-    /// How many.
+    /// Number of answers.
     pub count: usize,
     /// Mean of their confidences.
     pub confidence: f64,
-    /// Share of what is there.
+    /// Share of objects that are there.
     pub there: f64,
 }
 
-/// How good confidences are.
+/// Calibration of the confidences.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reliability {
     /// Expected calibration error.
     pub ece: f64,
     /// Mean of (confidence - there)².
     pub brier: f64,
-    /// Bins with something in them, by confidence.
+    /// Bins that are not empty, by confidence.
     pub bins: Vec<Bin>,
 }
 
-/// The logistic that fits best: of a manifest's `confidence_steepness` s and `present_threshold` p it makes
-/// s scale and p - offset / (s scale).
+/// The best logistic fit. A manifest's `confidence_steepness` s becomes s scale, and its
+/// `present_threshold` p becomes p - offset / (s scale).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fitted {
-    /// A logit times this
+    /// Factor of the logit.
     pub scale: f64,
-    /// plus this would be right.
+    /// Added to the scaled logit.
     pub offset: f64,
-    /// With these, on the same answers: not on others.
+    /// Calibration after the fit, on the same answers that it was fitted to.
     pub reliability: Reliability,
 }
 
-/// What came of it.
+/// Scores of presence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Presence {
-    /// Of the asked labels, in the whole map: the share of which the server says that they are there.
+    /// Accuracy for the labels, in the whole map.
     pub present_accuracy: Option<f64>,
-    /// Of nouns that are not there, in the whole map.
+    /// Accuracy for absent nouns, in the whole map.
     pub absent_accuracy: Option<f64>,
-    /// Of labels in views that show them.
+    /// Accuracy for labels in views that show them.
     pub view_present_accuracy: Option<f64>,
-    /// Of nouns that are not there and labels that the view does not show.
+    /// Accuracy for absent nouns, and for labels in views that do not show them.
     pub view_absent_accuracy: Option<f64>,
-    /// Of all answers.
+    /// Calibration over all answers.
     pub reliability: Reliability,
-    /// What would have been best; absent where all is there or nothing is.
+    /// The best fit; absent if all objects are there or none is.
     pub fitted: Option<Fitted>,
-    /// Every answer.
+    /// All answers.
     pub judgements: Vec<Judgement>,
 }
 
-/// Asks for nouns that are not there in the whole map, and for them and the labels in some views.
+/// Asks for absent nouns in the whole map, and for absent nouns and labels in some views.
 pub(crate) async fn ask(
     context: &Context<'_>,
     truth: &dyn Truth,
@@ -156,7 +156,7 @@ pub(crate) async fn ask(
         let pixels = |label: &String| {
             shows(&mask, truth, label).into_iter().filter(|is_shown| *is_shown).count()
         };
-        // A few pixels are neither there nor not.
+        // A label with a few pixels counts neither as present nor as absent.
         let labels = labels.iter().map(|label| (label.as_str(), pixels(label)));
         let clear = labels.filter(|(_, pixels)| *pixels == 0 || *pixels >= LEAST_PIXELS);
         for (noun, pixels) in clear.chain(absent.iter().map(|noun| (*noun, 0))) {
@@ -170,7 +170,7 @@ pub(crate) async fn ask(
 }
 
 impl Presence {
-    /// Of answers; `labels` are those that count as asked for in the whole map.
+    /// Scores answers; `labels` are those that count for the whole map.
     pub fn of(judgements: Vec<Judgement>, labels: &[String]) -> Self {
         let accuracy = |test: &dyn Fn(&Judgement) -> bool| {
             let own = judgements.iter().filter(|one| test(one));
@@ -193,9 +193,9 @@ impl Presence {
     }
 }
 
-/// Of (confidence, whether it is there).
+/// Calibration of pairs of a confidence and whether the object is there.
 fn reliability(answers: impl Iterator<Item = (f64, bool)>) -> Reliability {
-    // Count, sum of confidences, how many are there.
+    // Number of answers, sum of confidences, number of objects there.
     let mut bins = [(0_usize, 0.0, 0_usize); BINS];
     let (mut squares, mut all) = (0.0, 0_usize);
     for (confidence, there) in answers {
@@ -218,7 +218,7 @@ fn reliability(answers: impl Iterator<Item = (f64, bool)>) -> Reliability {
     Reliability { ece: off.sum::<f64>() / all, brier: squares / all, bins }
 }
 
-/// The best logistic of the logits; answers without one stay as they are.
+/// The best logistic fit; answers without a logit keep their confidence.
 fn fitted(judgements: &[Judgement]) -> Option<Fitted> {
     let scored: Vec<(f64, bool)> =
         judgements.iter().filter_map(|one| Some((one.logit()?, one.there))).collect();
@@ -231,14 +231,14 @@ fn fitted(judgements: &[Judgement]) -> Option<Fitted> {
     Some(Fitted { scale, offset, reliability })
 }
 
-/// (a, b) of 1 / (1 + exp(-(a x + b))); none if one kind is missing or it does not rise.
+/// (a, b) of 1 / (1 + exp(-(a x + b))); `None` if all or no objects are there, or if a is not positive.
 fn platt(scored: &[(f64, bool)]) -> Option<(f64, f64)> {
     let there = scored.iter().filter(|(_, there)| *there).count();
     let absent = scored.len() - there;
     if there == 0 || absent == 0 {
         return None;
     }
-    // Platt's targets: never quite sure, so that even scores that part cleanly have a finite fit.
+    // Platt's targets are not quite 0 and 1, so that perfectly separated scores have a finite fit.
     let (yes, no) = ((there as f64 + 1.0) / (there as f64 + 2.0), 1.0 / (absent as f64 + 2.0));
     let middle = mean(scored.iter().map(|(x, _)| *x)).unwrap_or_default();
     let (mut a, mut b) = (0.0, (there as f64 / absent as f64).ln());
@@ -263,7 +263,7 @@ fn platt(scored: &[(f64, bool)]) -> Option<(f64, f64)> {
         let determinant = h[0] * h[2] - h[1] * h[1];
         let (da, db) =
             ((h[2] * g[0] - h[1] * g[1]) / determinant, (h[0] * g[1] - h[1] * g[0]) / determinant);
-        // Halved until it does not make things worse.
+        // The step is halved until the loss does not increase.
         let mut share = 1.0;
         while share > 1e-6 && loss(a - share * da, b - share * db) > loss(a, b) {
             share *= 0.5;

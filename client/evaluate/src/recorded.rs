@@ -1,5 +1,5 @@
-//! A data set that remembers the true poses of the frames that were read, so that they need not be
-//! read or rendered again to be compared with.
+//! A data set that records the true poses of the frames that are read, so that frames need not be read
+//! or rendered again for comparison.
 
 use crate::trajectory::StampedPose;
 use lexsplat_client::dataset::{Dataset, DatasetError, Intrinsics, RgbdFrame, Truth};
@@ -11,22 +11,22 @@ use std::sync::{Arc, Mutex};
 pub struct Seen {
     /// Position in the data set.
     pub index: usize,
-    /// Its number.
+    /// Number of the frame.
     pub sequence: u64,
-    /// When it was taken.
+    /// Timestamp, nanoseconds.
     pub nanos: u64,
-    /// Where, if the data set knows.
+    /// The true pose, if the data set has one.
     pub truth: Option<StampedPose>,
 }
 
-/// The data set, with a memory.
+/// A data set with a record of the frames that were read.
 pub struct Recorded {
     dataset: Arc<dyn Dataset>,
     seen: Mutex<BTreeMap<usize, Seen>>,
 }
 
 impl Recorded {
-    /// Nothing is read yet.
+    /// An empty record.
     pub fn new(dataset: Arc<dyn Dataset>) -> Self {
         Self { dataset, seen: Mutex::default() }
     }

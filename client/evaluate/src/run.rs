@@ -7,14 +7,15 @@ use crate::recorded::Recorded;
 use crate::report::{Measured, Report};
 use crate::samples::{self, Sample};
 use crate::selection::Selection;
-use crate::stages;
+use crate::stages::{self, Stage};
 use crate::step::Step;
 use crate::trajectory::{StampedPose, align, ate, paired, read_tum};
 use crate::{views, words};
 use lexsplat_client::dataset::Dataset;
-use lexsplat_client::http::{HttpClient, HttpError};
-use lexsplat_client::stream::{Poses, Progress, StreamOptions, stream};
+use lexsplat_client::http::{HttpClient, HttpError, Status};
+use lexsplat_client::stream::{Poses, Progress, StreamOptions, Summary, stream};
 use nalgebra::Isometry3;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -31,10 +32,10 @@ pub struct Evaluation {
     pub samples: Vec<Sample>,
 }
 
-/// Streams, waits, measures.
+/// Streams the data set, waits until the map is settled, and measures.
 ///
 /// # Errors
-/// [`EvaluateError`]; wrong answers are measured, not errors.
+/// [`EvaluateError`]. Wrong answers are no errors: they are scored.
 pub async fn evaluate(
     dataset: Arc<dyn Dataset>,
     target: &Target,
@@ -44,26 +45,8 @@ pub async fn evaluate(
     let client = HttpClient::new(&target.http)?;
     refuse_old_map(&client, &target.map).await?;
     let health = client.health().await?;
-    let before = client.metrics().await?;
     let recorded = Arc::new(Recorded::new(dataset));
-    let streaming = StreamOptions {
-        grpc: target.grpc.clone(),
-        map: target.map.clone(),
-        poses: options.poses,
-        encoder: options.encoder,
-        hold_out_every: options.hold_out_every,
-        realtime: false,
-    };
-    let on_progress = |progress: &Progress| on_step(Step::Streaming(progress));
-    let summary = stream(recorded.clone(), &streaming, on_progress).await?;
-    let streamed = Instant::now();
-    let status = client.settled(&target.map, |status| on_step(Step::Settling(status))).await?;
-    let settle_seconds = streamed.elapsed().as_secs_f64();
-    if summary.tracked == 0 {
-        let reason = summary.refusals.first().map_or("all are lost", |first| &first.reason).into();
-        return Err(EvaluateError::NothingTracked { sent: summary.sent, reason });
-    }
-    let after = client.metrics().await?;
+    let mapped = make_map(&client, recorded.clone(), target, &options, &mut on_step).await?;
 
     let trajectory_tum =
         String::from_utf8_lossy(&client.trajectory(&target.map).await?).into_owned();
@@ -73,12 +56,12 @@ pub async fn evaluate(
     let trajectory = paired(&estimate, &truth);
 
     let context = Context { client: &client, map: &target.map, dataset: &*recorded };
-    let selection = Selection::of(&seen, &estimate, &summary, options.hold_out_every);
+    let selection = Selection::of(&seen, &estimate, &mapped.summary, options.hold_out_every);
     let lpips = options.lpips.take();
     let views = views::score(&context, &selection.views(), lpips, &mut on_step).await?;
     let words = match context.dataset.truth().filter(|_| options.language) {
         Some(truth) => {
-            // Poses that were given are in the true world already.
+            // A map of given poses is in the data set's world already.
             let truth_from_map = match options.poses {
                 Poses::Given => Isometry3::identity(),
                 Poses::Estimate => align(&trajectory),
@@ -89,22 +72,60 @@ pub async fn evaluate(
     };
     let language = words.as_ref().map(|words| &words.language);
     let samples = samples::take(&context, &views, language, &seen).await?;
-    // The server's highest mark is that of all its work, the questions included.
+    // The peak is taken last, so that it includes the queries.
     let peak_rss_bytes = stages::peak_memory(&client.metrics().await?);
     let report = Report::new(Measured {
         dataset: context.dataset,
         options,
         health,
-        summary,
-        status,
-        settle_seconds,
+        summary: mapped.summary,
+        status: mapped.status,
+        settle_seconds: mapped.settle_seconds,
         peak_rss_bytes,
         ate: ate(&trajectory),
         views,
         words,
-        stages: stages::between(&before, &after),
+        stages: mapped.stages,
     });
     Ok(Evaluation { report, trajectory, trajectory_tum, samples })
+}
+
+/// A settled map.
+struct Mapped {
+    summary: Summary,
+    status: Status,
+    settle_seconds: f64,
+    stages: BTreeMap<String, Stage>,
+}
+
+/// Streams the data set and waits until the map is settled.
+async fn make_map(
+    client: &HttpClient,
+    dataset: Arc<dyn Dataset>,
+    target: &Target,
+    options: &Options,
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Mapped, EvaluateError> {
+    let before = client.metrics().await?;
+    let streaming = StreamOptions {
+        grpc: target.grpc.clone(),
+        map: target.map.clone(),
+        poses: options.poses,
+        encoder: options.encoder,
+        hold_out_every: options.hold_out_every,
+        realtime: false,
+    };
+    let on_progress = |progress: &Progress| on_step(Step::Streaming(progress));
+    let summary = stream(dataset, &streaming, on_progress).await?;
+    let streamed = Instant::now();
+    let status = client.settled(&target.map, |status| on_step(Step::Settling(status))).await?;
+    let settle_seconds = streamed.elapsed().as_secs_f64();
+    if summary.tracked == 0 {
+        let reason = summary.refusals.first().map_or("all are lost", |first| &first.reason).into();
+        return Err(EvaluateError::NothingTracked { sent: summary.sent, reason });
+    }
+    let stages = stages::between(&before, &client.metrics().await?);
+    Ok(Mapped { summary, status, settle_seconds, stages })
 }
 
 /// Refuses a map that has frames already: the scores would include them.

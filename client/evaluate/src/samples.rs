@@ -1,5 +1,5 @@
-//! A few pictures to look at: target, render and heat map of the best class in its best frame and the
-//! worst class in its worst, and target and render of the best and the worst held-out view. In: scores. Out: pictures side by side.
+//! A few images to look at: target, render and heat map of the best class in its best frame and of the
+//! worst class in its worst frame; target and render of the best and the worst held-out view.
 
 use crate::context::{Context, Relevancy};
 use crate::error::EvaluateError;
@@ -11,18 +11,18 @@ use crate::views::{ViewScore, color};
 use image::RgbImage;
 use lexsplat_client::npy::Array;
 
-/// A picture with a name.
+/// An image with a name.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// For a file, such as `best-class`.
+    /// Stem of a file name, such as `best-class`.
     pub name: String,
-    /// What is to be seen.
+    /// What the image shows.
     pub caption: String,
-    /// Side by side.
+    /// Images side by side.
     pub picture: RgbImage,
 }
 
-/// Which way to look for the extreme.
+/// Best or worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rank {
     Best,
@@ -39,14 +39,14 @@ impl Rank {
         }
     }
 
-    /// The extreme by a value; of equals the first.
+    /// The best or worst item by a value; the first of equals.
     fn of<T>(self, items: &[T], value: impl Fn(&T) -> f64) -> Option<&T> {
         let sign = if self == Self::Best { -1.0 } else { 1.0 };
         items.iter().min_by(|a, b| (sign * value(a)).total_cmp(&(sign * value(b))))
     }
 }
 
-/// Fetches the pictures.
+/// Fetches the images.
 pub(crate) async fn take(
     context: &Context<'_>,
     views: &[ViewScore],

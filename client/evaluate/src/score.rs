@@ -1,13 +1,13 @@
-//! Scores of one heat map against one mask. In: relevancies `[height * width]`, row-major, and
-//! whether each pixel shows the thing. Out: IoU, average precision, whether the peak is right.
+//! Scores of one relevancy map `[height * width]` (row-major) against one mask: IoU and average
+//! precision; boxes of masks.
 //!
 //! Average precision is the mean precision over recall steps, sum of (R_n - R_(n-1)) P_n, where
-//! pixels of equal relevancy enter together: it needs no threshold, and a heat map that knows nothing
-//! scores the thing's share of the frame. [`as_released`] is the mask of the paper's released script.
+//! pixels of equal relevancy enter together. It needs no threshold; a constant map scores the object's
+//! share of the frame. [`as_released`] is the mask of the paper's released script.
 
 use crate::heatmap::Heatmap;
 
-/// A box around a connected region, pixels, both ends included.
+/// The bounding box of a connected region, pixels, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounds {
     /// Left and right.
@@ -31,10 +31,10 @@ const RELEASED_THRESHOLD: f32 = 0.75;
 /// Side of the released script's majority filter.
 const RELEASED_MAJORITY: usize = 7;
 
-/// Intersection over union; 0 if there is neither.
+/// Intersection over union; 0 if both masks are empty.
 ///
 /// # Panics
-/// If there are not as many of both.
+/// If the lengths differ.
 pub fn iou(found: &[bool], truth: &[bool]) -> f64 {
     assert_eq!(found.len(), truth.len(), "masks of one size");
     let count = |test: fn(bool, bool) -> bool| {
@@ -44,10 +44,10 @@ pub fn iou(found: &[bool], truth: &[bool]) -> f64 {
     if any == 0 { 0.0 } else { both as f64 / any as f64 }
 }
 
-/// Average precision of the relevancies for the pixels that are true; 0 if none is.
+/// Average precision of the relevancies for the pixels of the mask; 0 if the mask is empty.
 ///
 /// # Panics
-/// If there are not as many of both.
+/// If the lengths differ.
 pub fn average_precision(values: &[f32], truth: &[bool]) -> f64 {
     assert_eq!(values.len(), truth.len(), "a relevancy for each pixel");
     let mut order: Vec<(f32, bool)> = values.iter().copied().zip(truth.iter().copied()).collect();
@@ -63,7 +63,7 @@ pub fn average_precision(values: &[f32], truth: &[bool]) -> f64 {
     if all == 0 { 0.0 } else { sum / all as f64 }
 }
 
-/// The boxes of a mask: one for each region whose pixels touch, at corners too.
+/// The boxes of a mask: one for each 8-connected region.
 pub fn boxes(mask: &[bool], width: usize) -> Vec<Bounds> {
     let height = mask.len() / width;
     let mut seen = vec![false; mask.len()];
@@ -95,9 +95,9 @@ pub fn boxes(mask: &[bool], width: usize) -> Vec<Bounds> {
     found
 }
 
-/// The mask that the paper's released script makes of a map that is not smoothed: the mean of the
-/// map and its smoothed self, scaled to 0..1 over the frame, above 0.75, then a 7x7 majority in which
-/// a tie is "no".
+/// The mask that the paper's released script makes of an unsmoothed map: the mean of the map and the
+/// smoothed map, scaled to 0..1 over the frame, above 0.75, then a 7x7 majority filter in which a tie
+/// is false.
 pub fn as_released(relevancy: &Heatmap) -> Vec<bool> {
     let smooth = relevancy.smoothed(RELEASED_SMOOTHING);
     let mixed = relevancy.values.iter().zip(&smooth.values).map(|(a, b)| (a + b) / 2.0);

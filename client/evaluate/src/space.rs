@@ -1,10 +1,10 @@
-//! Words against the world: the 3D protocol of the paper (§5, "3D localisation").
+//! Queries about the whole map, scored in 3D: the protocol of the paper (§5, "3D localisation").
 //!
-//! Truth: the labelled pixels of every [`COUNTED_EVERY`]-th frame with measured depth, back-projected
-//! with the true poses, in voxels of [`VOXEL_METRES`]. Found: the points of the 3D answer, moved by the
-//! trajectory's rigid alignment. Out: Chamfer and earth mover's distance of each label, means over
-//! labels, and the same without failures (farther than mean + 2 standard deviations, as in the paper).
-//! Besides, how many things of a class the answer has, against how many the frames show.
+//! Truth is the labelled pixels of every fifth frame with measured depth, back-projected with the true
+//! poses, in voxels of 2 cm. Found are the points of the 3D answer, moved by the rigid alignment of the
+//! trajectory. Scored are Chamfer and earth mover's distance of each label, means over labels, and the
+//! same without failures (farther than mean + 2 standard deviations, as in the paper). Also counted
+//! are the objects of a class in the answer and in the frames.
 
 use crate::clouds::{Point, Voxels, chamfer, earth_movers, resampled};
 use crate::context::Context;
@@ -24,86 +24,86 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 pub const VOXEL_METRES: f64 = 0.02;
 /// Points of each cloud that are paired for the earth mover's distance.
 pub const PAIRED: usize = 1024;
-/// A thing that no frame shows with more pixels than this is not counted.
+/// An object counts if some frame shows it with so many pixels.
 pub const SEEN_PIXELS: usize = 400;
-/// As many objects are asked for.
+/// Most objects in an answer.
 const MOST_OBJECTS: u32 = 64;
 
-/// One label in space.
+/// The 3D score of a label.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpaceScore {
-    /// The class, which was also the query.
+    /// The class; its name is the query.
     pub label: String,
-    /// Points of the answer.
+    /// Number of points in the answer.
     pub points: usize,
-    /// Voxels that show the label.
+    /// Number of voxels of the label.
     pub truth_voxels: usize,
     /// Mean distance of the answer's points to the truth, metres; absent without an answer.
     pub found_to_truth_m: Option<f64>,
     /// Mean distance of the truth to the answer's points, metres.
     pub truth_to_found_m: Option<f64>,
-    /// Their sum.
+    /// Chamfer distance: the sum of both, metres.
     pub chamfer_m: Option<f64>,
-    /// Mean distance of the best pairs of so many points each, metres.
+    /// Earth mover's distance of samples of both, metres.
     pub emd_m: Option<f64>,
 }
 
-/// Things of one class.
+/// Objects of a class.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct CountScore {
     /// The class.
     pub class: String,
-    /// How many the frames show.
+    /// Number of objects in the frames.
     pub there: usize,
-    /// Objects in the answer.
+    /// Number of objects in the answer.
     pub found: usize,
 }
 
 /// Means over labels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SpaceMeans {
-    /// Over labels with an answer, metres.
+    /// Mean Chamfer distance over labels with an answer, metres.
     pub chamfer_m: Option<f64>,
-    /// Over labels with an answer, metres.
+    /// Mean earth mover's distance over labels with an answer, metres.
     pub emd_m: Option<f64>,
-    /// The same without failures.
+    /// Mean Chamfer distance without failures, metres.
     pub chamfer_without_failures_m: Option<f64>,
-    /// How many those are.
+    /// Number of Chamfer failures.
     pub chamfer_failures: usize,
-    /// The same without failures.
+    /// Mean earth mover's distance without failures, metres.
     pub emd_without_failures_m: Option<f64>,
-    /// How many those are.
+    /// Number of failures of the earth mover's distance.
     pub emd_failures: usize,
-    /// Labels to which the map has no answer, which have no distance.
+    /// Number of labels without an answer, which have no distance.
     pub unanswered: usize,
 }
 
-/// What came of it.
+/// Scores of queries about the whole map.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Space {
-    /// Relevancy above which a point counted.
+    /// Relevancy threshold of the points.
     pub threshold: f32,
-    /// Over labels.
+    /// Means over labels.
     #[serde(flatten)]
     pub means: SpaceMeans,
-    /// By label.
+    /// Score of each label.
     pub labels: Vec<SpaceScore>,
-    /// By class, walls and the like left out.
+    /// Counts of each class; walls, floor and ceiling are left out.
     pub counts: Vec<CountScore>,
-    /// Share of the classes that are counted within one.
+    /// Share of the classes with a count that is off by at most one.
     pub counted_within_one: Option<f64>,
 }
 
-/// What frames show of a scene.
+/// The objects that the frames show.
 pub struct Shown {
-    /// Voxels of each class that was asked for.
+    /// Voxel means of each class that is asked for.
     clouds: HashMap<String, Vec<Point>>,
-    /// Things of each class.
+    /// Number of objects of each class.
     things: BTreeMap<String, usize>,
 }
 
 impl Shown {
-    /// Reads every [`COUNTED_EVERY`]-th frame of the data set.
+    /// Reads every fifth frame of the data set.
     pub fn of(
         dataset: &dyn Dataset,
         truth: &dyn Truth,
@@ -148,14 +148,15 @@ impl Shown {
     }
 }
 
-/// A pixel's point in the camera.
+/// The point of a pixel in the camera's frame, metres.
 fn back_projected(camera: &Intrinsics, pixel: usize, metres: f64) -> Point {
     let (column, row) = (pixel % camera.width as usize, pixel / camera.width as usize);
     let (x, y) = (column as f64 - camera.cx, row as f64 - camera.cy);
     [x * metres / camera.fx, y * metres / camera.fy, metres]
 }
 
-/// Asks for every label in space, and counts things; the judgements are those of the labels.
+/// Asks for every label and every class of objects in the whole map; also returns judgements of
+/// presence.
 pub(crate) async fn score(
     context: &Context<'_>,
     truth: &dyn Truth,
@@ -201,7 +202,7 @@ async fn ask(context: &Context<'_>, text: &str) -> Result<Answer, EvaluateError>
     Ok(context.client.query(context.map, &question).await?)
 }
 
-/// The answer's points in the truth's world.
+/// The points of an answer, in the data set's world.
 async fn points(
     context: &Context<'_>,
     answer: &Answer,
@@ -246,7 +247,7 @@ fn means(scores: &[SpaceScore]) -> SpaceMeans {
     }
 }
 
-/// Those that are no more than mean + 2 population standard deviations (paper, supplement).
+/// Values up to mean + 2 population standard deviations (paper, supplement).
 fn successes(values: &[f64]) -> Vec<f64> {
     let Some(middle) = mean(values.iter().copied()) else { return Vec::new() };
     let variance =

@@ -1,6 +1,5 @@
-//! Stage times and memory from the server's Prometheus text. In: what `/metrics` said before and after.
-//! Out: for each histogram `lexsplat_STAGE_seconds` how often and how long. Stages that the server
-//! learns to report later are found by their names.
+//! Stage times and memory from the server's Prometheus metrics: the difference of two texts for each
+//! histogram `lexsplat_STAGE_seconds`. New stages are found by their names.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -8,16 +7,16 @@ use std::collections::BTreeMap;
 const PREFIX: &str = "lexsplat_";
 const SUM: &str = "_seconds_sum";
 const COUNT: &str = "_seconds_count";
-/// From a decoded frame to its acknowledgement, the queue included.
+/// The stage from the decoded frame to its acknowledgement; it includes the queue.
 pub const WITH_WAITING: &str = "frame";
 const PEAK_MEMORY: &str = "process_peak_resident_memory_bytes";
 
-/// How long a stage took.
+/// Times of a stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Stage {
-    /// How often it ran.
+    /// Number of runs.
     pub count: u64,
-    /// All runs together, seconds.
+    /// Sum over all runs, seconds.
     pub seconds: f64,
     /// Mean of a run, milliseconds.
     pub mean_ms: f64,
@@ -39,9 +38,9 @@ fn stage_name(metric: &str, suffix: &str) -> Option<String> {
     Some(format!("{}{labels}", name.strip_suffix(suffix)?))
 }
 
-/// What ran between the two texts.
+/// The stages that ran between two texts.
 pub fn between(before: &str, after: &str) -> BTreeMap<String, Stage> {
-    // Seconds and runs.
+    // Seconds and number of runs.
     let mut sums: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for (text, sign) in [(before, -1.0), (after, 1.0)] {
         for (name, value) in numbers(text) {
@@ -59,7 +58,7 @@ pub fn between(before: &str, after: &str) -> BTreeMap<String, Stage> {
     .collect()
 }
 
-/// The most memory that the server had, bytes, if it says.
+/// Peak resident memory of the server, bytes, if it reports it.
 pub fn peak_memory(text: &str) -> Option<u64> {
     numbers(text).find(|(name, _)| *name == PEAK_MEMORY).map(|(_, bytes)| bytes as u64)
 }

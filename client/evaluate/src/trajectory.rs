@@ -1,11 +1,10 @@
-//! How far an estimated trajectory is from the true one. In: TUM text of the estimate, true poses;
-//! metres. Out: the absolute trajectory error after a rigid alignment (rotation and translation, no
-//! scale), as `evo_ape tum -a` has it.
+//! The absolute trajectory error (ATE) after a rigid alignment (rotation and translation, no scale), as
+//! `evo_ape tum -a` computes it; metres.
 //!
 //! Alignment: the least-squares one (Umeyama 1991 with scale 1), by B. Horn, "Closed-form solution of
 //! absolute orientation using unit quaternions" (1987): the eigenvector of a symmetric 4x4 matrix, which
-//! is never a reflection. Frames are paired by their exact times; the estimate's frames that
-//! truth does not know do not count.
+//! is never a reflection. Frames are paired by their exact times; estimated frames without a true pose
+//! do not count.
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -14,34 +13,34 @@ use std::collections::HashMap;
 const NANOS_DIGITS: usize = 9;
 const NANOS_PER_SECOND: u64 = 1_000_000_000;
 
-/// Where a camera was, and when.
+/// A camera pose with its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StampedPose {
-    /// When, nanoseconds.
+    /// Time, nanoseconds.
     pub nanos: u64,
-    /// Where, metres.
+    /// Pose, metres.
     pub world_from_camera: Isometry3<f64>,
 }
 
-/// Distances between two aligned trajectories.
+/// Position errors of an aligned trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ate {
-    /// Root of the mean square, centimetres.
+    /// Root mean square, centimetres.
     pub rmse_cm: f64,
     /// Mean, centimetres.
     pub mean_cm: f64,
     /// Median, centimetres.
     pub median_cm: f64,
-    /// Greatest, centimetres.
+    /// Maximum, centimetres.
     pub max_cm: f64,
-    /// Frames that both have.
+    /// Number of frames with both poses.
     pub frames: usize,
 }
 
-/// Reads `timestamp tx ty tz qx qy qz qw` lines; times keep every nanosecond.
+/// Reads lines `timestamp tx ty tz qx qy qz qw`; times are exact to the nanosecond.
 ///
 /// # Errors
-/// Names the line that is none.
+/// A message that names the malformed line.
 pub fn read_tum(text: &str) -> Result<Vec<StampedPose>, String> {
     let lines = text.lines().enumerate();
     let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
@@ -66,14 +65,14 @@ fn nanos(time: &str) -> Option<u64> {
     whole.parse::<u64>().ok()?.checked_mul(NANOS_PER_SECOND)?.checked_add(scaled)
 }
 
-/// Poses that both have: `(estimate, truth)`, in the estimate's order.
+/// The frames with both poses, as `[estimate, truth]`, in the order of the estimate.
 pub fn paired(estimate: &[StampedPose], truth: &[StampedPose]) -> Vec<[StampedPose; 2]> {
     let by_time: HashMap<u64, &StampedPose> = truth.iter().map(|pose| (pose.nanos, pose)).collect();
     let pair = |pose: &StampedPose| by_time.get(&pose.nanos).map(|truth| [*pose, **truth]);
     estimate.iter().filter_map(pair).collect()
 }
 
-/// The rigid `truth_from_estimate` that brings the estimate's positions nearest to the truth's.
+/// The rigid `truth_from_estimate` with the least sum of squared position errors.
 pub fn align(pairs: &[[StampedPose; 2]]) -> Isometry3<f64> {
     let position = |pose: &StampedPose| pose.world_from_camera.translation.vector;
     let count = pairs.len().max(1) as f64;
@@ -103,7 +102,7 @@ pub fn align(pairs: &[[StampedPose; 2]]) -> Isometry3<f64> {
     Isometry3::from_parts(translation.into(), rotation)
 }
 
-/// Distances after alignment; nothing if no frame is in both.
+/// Position errors after alignment; `None` if there are no frames.
 pub fn ate(pairs: &[[StampedPose; 2]]) -> Option<Ate> {
     let truth_from_estimate = align(pairs);
     let distance = |[estimate, truth]: &[StampedPose; 2]| {

@@ -1,8 +1,8 @@
-//! Rendered against true pictures. In: which frames, a server that renders them, the data set. Out:
-//! PSNR, SSIM and depth error of each frame, and LPIPS where there is a network for it.
+//! Rendered views, scored against the frames: PSNR, SSIM and depth error, and LPIPS if there is a
+//! network.
 //!
-//! Held out are every fifth of the tracked frames that are no keyframe: nothing in the map was
-//! optimised for them. They and the keyframes are rendered at the tracked pose, at the frame's size.
+//! The map is optimised on keyframes only, so other tracked frames are held out. Views are rendered at
+//! the tracked pose and at the size of the frame.
 
 use crate::context::{Context, decoded};
 use crate::error::EvaluateError;
@@ -14,47 +14,47 @@ use image::RgbImage;
 use lexsplat_client::dataset::{Dataset, RgbdFrame};
 use serde::Serialize;
 
-/// Of the tracked frames that are no keyframe, every so many are rendered.
+/// Without an explicit choice, every fifth of the tracked frames that are no keyframe is held out.
 pub const HELD_OUT_EVERY: usize = 5;
 
-/// One rendered frame.
+/// Scores of a rendered view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewScore {
-    /// The frame.
+    /// Number of the frame.
     pub sequence: u64,
     /// Whether the map was optimised for it.
     pub keyframe: bool,
-    /// Decibels.
+    /// PSNR, decibels.
     pub psnr_db: f64,
-    /// 0 to 1.
+    /// SSIM, 0 to 1.
     pub ssim: f64,
-    /// Absent without a network.
+    /// LPIPS; absent without a network.
     pub lpips: Option<f64>,
-    /// Metres; absent if nothing can be compared.
+    /// Mean depth error, metres; absent if no pixel can be compared.
     pub depth_l1_m: Option<f64>,
-    /// Of the measured pixels, the share that the map renders.
+    /// Share of the measured pixels that the map renders.
     pub depth_share: Option<f64>,
 }
 
-/// Means over frames.
+/// Means over views.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ViewMeans {
-    /// How many.
+    /// Number of views.
     pub views: usize,
-    /// Mean of the frames' values.
+    /// Mean PSNR, decibels.
     pub psnr_db: Option<f64>,
-    /// Mean of the frames' values.
+    /// Mean SSIM.
     pub ssim: Option<f64>,
-    /// Mean of the frames' values.
+    /// Mean LPIPS.
     pub lpips: Option<f64>,
-    /// Mean of the frames' values, metres.
+    /// Mean depth error, metres.
     pub depth_l1_m: Option<f64>,
-    /// Mean of the frames' values.
+    /// Mean share of measured pixels that are rendered.
     pub depth_share: Option<f64>,
 }
 
 impl ViewMeans {
-    /// Of some frames.
+    /// Means over some views.
     pub fn of<'a>(views: impl Iterator<Item = &'a ViewScore> + Clone) -> Self {
         Self {
             views: views.clone().count(),
@@ -117,16 +117,16 @@ pub(crate) async fn score(
     Ok(scores)
 }
 
-/// A frame's picture.
+/// The color image of a frame.
 pub fn color(frame: &RgbdFrame) -> Result<RgbImage, EvaluateError> {
     decoded(&frame.color.bytes, frame.sequence).map(|picture| picture.to_rgb8())
 }
 
-/// A frame's depth, metres; 0 where nothing was measured.
+/// The depth of a frame, metres; 0 without a measurement.
 pub fn depth_metres(frame: &RgbdFrame, dataset: &dyn Dataset) -> Result<Vec<f32>, EvaluateError> {
     let unit = dataset.depth_unit_metres();
     let depth = decoded(&frame.depth.bytes, frame.sequence)?.to_luma16();
-    // The greatest value is "nothing" or "beyond the range".
+    // 65535 means no measurement or out of range.
     let metres =
         |units: &u16| if *units == u16::MAX { 0.0 } else { (f64::from(*units) * unit) as f32 };
     Ok(depth.as_raw().iter().map(metres).collect())

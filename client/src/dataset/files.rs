@@ -1,9 +1,23 @@
-//! Reading files with errors that name them. Nothing here knows a layout.
+//! Reading the files of data sets, with errors that name them; shared by all layouts.
 
 use super::error::DatasetError;
 use super::frame::{Color, ColorFormat, Depth, DepthFormat};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
+
+/// Columns and rows of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Size {
+    pub width: u32,
+    pub height: u32,
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
 
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|source| DatasetError::File { path: path.into(), source })
@@ -13,7 +27,7 @@ pub(super) fn text(path: &Path) -> Result<String, DatasetError> {
     std::fs::read_to_string(path).map_err(|source| DatasetError::File { path: path.into(), source })
 }
 
-/// The files of a folder that are called `before`, a number, `after`, by number.
+/// The files of a folder named `before`, number, one of `after`; by number.
 pub(super) fn numbered(
     folder: &Path,
     before: &str,
@@ -33,7 +47,7 @@ pub(super) fn numbered(
     Ok(found)
 }
 
-/// The last part of a path, to call a data set by.
+/// The last part of a path: the name of a data set.
 pub(super) fn name_of(folder: &Path) -> String {
     let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     whole.file_name().map_or_else(|| "dataset".into(), |name| name.to_string_lossy().into_owned())
@@ -49,31 +63,33 @@ pub(super) fn numbers<const N: usize>(line: &str) -> Result<[f64; N], String> {
     parsed.try_into().map_err(|_| format!("expected {N} numbers, found {}", words.len()))
 }
 
-/// All lines with something on them that is not a comment, with their numbers from 1.
+/// Lines that are neither empty nor comments, with their numbers from 1.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
-/// Width and height from a picture's header.
-pub(super) fn size(path: &Path) -> Result<(u32, u32), DatasetError> {
+/// The size in an image's header.
+pub(super) fn size(path: &Path) -> Result<Size, DatasetError> {
     let failed = |source| DatasetError::File { path: path.into(), source };
     let reader = image::ImageReader::open(path).map_err(failed)?;
     let reader = reader.with_guessed_format().map_err(failed)?;
-    reader.into_dimensions().map_err(|source| DatasetError::Picture { path: path.into(), source })
+    let (width, height) = reader
+        .into_dimensions()
+        .map_err(|source| DatasetError::Picture { path: path.into(), source })?;
+    Ok(Size { width, height })
 }
 
-/// Refuses a picture of another size.
-pub(super) fn check_size(path: &Path, expected: (u32, u32)) -> Result<(), DatasetError> {
-    let ((width, height), (found_width, found_height)) = (expected, size(path)?);
-    if (found_width, found_height) == expected {
+/// Refuses an image of another size.
+pub(super) fn check_size(path: &Path, expected: Size) -> Result<(), DatasetError> {
+    let found = size(path)?;
+    if found == expected {
         return Ok(());
     }
-    let reason = format!("expected {width}x{height} pixels, found {found_width}x{found_height}");
-    Err(DatasetError::content(path, reason))
+    Err(DatasetError::content(path, format!("expected {expected} pixels, found {found}")))
 }
 
-/// A color picture, unchanged.
+/// A color image, as it is in the file.
 pub(super) fn color(path: &Path) -> Result<Color, DatasetError> {
     const PNG_MAGIC: &[u8] = b"\x89PNG";
     const JPEG_MAGIC: &[u8] = b"\xff\xd8";
@@ -86,7 +102,7 @@ pub(super) fn color(path: &Path) -> Result<Color, DatasetError> {
     Ok(Color { format, bytes })
 }
 
-/// A depth picture, unchanged.
+/// A depth image, as it is in the file.
 pub(super) fn depth(path: &Path) -> Result<Depth, DatasetError> {
     Ok(Depth { format: DepthFormat::Png16, bytes: bytes(path)? })
 }

@@ -1,13 +1,10 @@
-//! The Kinect's two cameras: color as the depth camera would have seen it.
+//! Registration of the Kinect's color image to its depth image, for 7-Scenes.
 //!
-//! 7-Scenes comes unregistered: one set of intrinsics is given for both cameras, but the color
-//! camera has another focal length and sits beside the other. What the color camera is was measured on
-//! 25 frames of `redkitchen`: it is where edges of depth lie on edges of color (their mean contrast there is
-//! 22 of 255 against 10 with the depth camera's intrinsics, which is no more than anywhere). Others found
-//! the same within a few pixels (525, 0.026 m).
-//!
-//! In: a color picture and the depth of the same exposure. Out: a color picture of the depth camera's
-//! pixels. Near edges of depth the color of what is in front may be seen twice.
+//! 7-Scenes gives one set of intrinsics for both cameras, but the color camera has another focal length
+//! and sits beside the depth camera. The constants below were fitted to 25 frames of `redkitchen`: they
+//! maximise the color contrast at depth edges (22 of 255, against 10 with the depth camera's
+//! intrinsics, which is the mean contrast anywhere). Other calibrations agree within a few pixels
+//! (525, 0.026 m). Next to depth edges the color of the foreground may appear twice.
 
 use image::{Rgb, RgbImage};
 
@@ -15,13 +12,13 @@ use image::{Rgb, RgbImage};
 pub(super) const DEPTH: [f64; 4] = [585.0, 585.0, 320.0, 240.0];
 /// The color camera: fx, fy, cx, cy, of 640x480 pixels.
 const COLOR: [f64; 4] = [527.0, 527.0, 322.0, 238.0];
-/// How much further left a thing stands for the color camera, metres.
+/// Offset of the color camera to the right of the depth camera, metres.
 const BASELINE: f64 = 0.0296;
 
-/// Color at the pixels of `depth` (millimetres, row by row, 0 is no measurement), both of one size.
+/// Color at the pixels of `depth` (millimetres, row by row, 0 is no measurement); both of one size.
 ///
-/// Where nothing was measured the last measurement of the row counts, or the first; in a row without
-/// any, what is far away.
+/// A pixel without a measurement takes the last one before it in the row, or the first one; a row
+/// without any is taken to be far away.
 pub(super) fn registered(color: &RgbImage, depth: &[u16]) -> RgbImage {
     let (width, height) = color.dimensions();
     let mut seen = RgbImage::new(width, height);
@@ -37,7 +34,7 @@ pub(super) fn registered(color: &RgbImage, depth: &[u16]) -> RgbImage {
     seen
 }
 
-/// Where the color camera sees what the depth camera sees at a pixel, `metres` away.
+/// The color pixel of the point that the depth camera sees at a pixel, `metres` away.
 fn place(column: u32, row: u32, metres: f64) -> [f64; 2] {
     let ([fx, fy, cx, cy], [cfx, cfy, ccx, ccy]) = (DEPTH, COLOR);
     let x = (f64::from(column) - cx) / fx - BASELINE / metres;
@@ -45,7 +42,7 @@ fn place(column: u32, row: u32, metres: f64) -> [f64; 2] {
     [cfx * x + ccx, cfy * y + ccy]
 }
 
-/// The color between pixels; beyond the border that of the border.
+/// Bilinear interpolation; outside the image the color of its border.
 fn bilinear(color: &RgbImage, [x, y]: [f64; 2]) -> Rgb<u8> {
     let (width, height) = color.dimensions();
     let (x, y) = (x.clamp(0.0, f64::from(width - 1)), y.clamp(0.0, f64::from(height - 1)));

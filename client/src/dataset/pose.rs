@@ -1,5 +1,5 @@
-//! Poses from text: matrices are written with few digits, so their rotations are projected to the
-//! nearest true rotation (singular value decomposition) and refused if that is far.
+//! Poses from text. Matrices are written with few digits, so each is projected to the nearest rotation
+//! (by singular value decomposition) and refused if it is far from one.
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 

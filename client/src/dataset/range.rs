@@ -1,5 +1,5 @@
-//! A part of a data set: every `stride`-th frame from `start` up to `end`, once or there and back several
-//! times. Frames keep their numbers; of several passes they are numbered anew.
+//! A part of a data set: every `stride`-th frame from `start` up to `end`, once or several times forwards
+//! and backwards. Frames keep their numbers in one pass and are renumbered in several.
 
 use super::error::DatasetError;
 use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
@@ -12,16 +12,16 @@ use std::num::NonZeroUsize;
 pub struct FrameRange {
     /// The first position, from 0.
     pub start: usize,
-    /// The position after the last; absent: to the end.
+    /// The position after the last; absent for the end.
     pub end: Option<usize>,
-    /// Every how many frames one is used.
+    /// Every `stride`-th frame is used.
     pub stride: NonZeroUsize,
-    /// How often they are gone through: there, back, there again ...
+    /// Number of passes: forwards, backwards, forwards ...
     pub passes: NonZeroUsize,
 }
 
 impl Default for FrameRange {
-    /// Everything.
+    /// All frames, once.
     fn default() -> Self {
         Self { start: 0, end: None, stride: NonZeroUsize::MIN, passes: NonZeroUsize::MIN }
     }
@@ -45,7 +45,7 @@ impl FrameRange {
         }
         let mut indices = there.clone();
         for pass in 1..self.passes.get() {
-            // Where it turns round a frame comes once.
+            // The frame at a turning point is used once.
             let others = there[1..].iter().copied();
             let back = there[..there.len() - 1].iter().rev().copied();
             if pass % 2 == 1 { indices.extend(back) } else { indices.extend(others) }
@@ -57,7 +57,7 @@ impl FrameRange {
 struct Part {
     dataset: Box<dyn Dataset>,
     indices: Vec<usize>,
-    /// Frames are numbered by their place in the part.
+    /// Frames are numbered by their position in this part.
     renumbered: bool,
 }
 

@@ -4,6 +4,7 @@
 //! optionally `semantic/%06d.png` (8 or 16 bit, instance ids) with `instances.json`.
 
 use super::error::DatasetError;
+use super::files::Size;
 use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
 use super::source::Dataset;
 use super::truth::{Instance, Mask, Truth};
@@ -35,9 +36,9 @@ struct Entry {
 struct Labels {
     folder: PathBuf,
     instances: Vec<Instance>,
-    /// Numbers of the frames, as in the data set.
+    /// Number of each frame.
     sequences: Vec<u64>,
-    size: (u32, u32),
+    size: Size,
 }
 
 #[derive(Deserialize)]
@@ -92,7 +93,7 @@ impl Replica {
             let reason = "expected frame%06d.jpg with a valid pose, found none";
             return Err(DatasetError::content(&results, reason));
         };
-        let size = (intrinsics.width, intrinsics.height);
+        let size = Size { width: intrinsics.width, height: intrinsics.height };
         files::check_size(&first.color, size)?;
         files::check_size(&first.depth, size)?;
         let sequences = frames.iter().map(|frame| frame.sequence).collect();
@@ -113,7 +114,7 @@ fn camera(path: &Path) -> Result<(Intrinsics, f64), DatasetError> {
     Ok((intrinsics, 1.0 / c.scale))
 }
 
-/// A pose per line, or why the line's is none.
+/// One pose for each line, or the reason why the line has no valid one.
 fn poses(path: &Path) -> Result<Vec<Result<Isometry3<f64>, String>>, DatasetError> {
     let text = files::text(path)?;
     let parse = |(number, line): (usize, &str)| {
@@ -126,11 +127,7 @@ fn poses(path: &Path) -> Result<Vec<Result<Isometry3<f64>, String>>, DatasetErro
 }
 
 impl Labels {
-    fn open(
-        folder: &Path,
-        sequences: Vec<u64>,
-        size: (u32, u32),
-    ) -> Result<Option<Self>, DatasetError> {
+    fn open(folder: &Path, sequences: Vec<u64>, size: Size) -> Result<Option<Self>, DatasetError> {
         let list = folder.join("instances.json");
         let folder = folder.join("semantic");
         if !list.is_file() || !folder.is_dir() {
@@ -149,24 +146,26 @@ impl Truth for Labels {
 
     fn mask(&self, index: usize) -> Result<Mask, DatasetError> {
         let path = self.folder.join(format!("{:06}.png", self.sequences[index]));
+        let Size { width, height } = self.size;
         let ids = match files::picture(&path, &files::bytes(&path)?)? {
-            image::DynamicImage::ImageLuma8(ids) if ids.dimensions() == self.size => {
+            image::DynamicImage::ImageLuma8(ids) if ids.dimensions() == (width, height) => {
                 ids.into_raw().into_iter().map(u16::from).collect()
             }
-            image::DynamicImage::ImageLuma16(ids) if ids.dimensions() == self.size => {
+            image::DynamicImage::ImageLuma16(ids) if ids.dimensions() == (width, height) => {
                 ids.into_raw()
             }
             other => {
-                let ((width, height), kind) = (self.size, other.color());
                 let reason = format!(
-                    "expected {width}x{height} grey pixels of 8 or 16 bits, found {}x{} {kind:?}",
+                    "expected {} grey pixels of 8 or 16 bits, found {}x{} {:?}",
+                    self.size,
                     other.width(),
-                    other.height()
+                    other.height(),
+                    other.color()
                 );
                 return Err(DatasetError::content(&path, reason));
             }
         };
-        Ok(Mask { width: self.size.0, height: self.size.1, ids })
+        Ok(Mask { width, height, ids })
     }
 }
 

@@ -5,6 +5,7 @@
 //! files, and is brought there ([`kinect`]); with other intrinsics it is taken as it is.
 
 use super::error::DatasetError;
+use super::files::Size;
 use super::frame::{Color, ColorFormat, Intrinsics, RgbdFrame, counted_nanos};
 use super::source::Dataset;
 use super::{files, kinect, pose};
@@ -68,7 +69,7 @@ impl SevenScenes {
     }
 }
 
-fn intrinsics(path: &Path, (width, height): (u32, u32)) -> Result<Intrinsics, DatasetError> {
+fn intrinsics(path: &Path, size: Size) -> Result<Intrinsics, DatasetError> {
     let [fx, fy, cx, cy] = if path.is_file() {
         let [fx, _, cx, _, fy, cy, _, _, _] = files::numbers::<9>(&files::text(path)?)
             .map_err(|reason| DatasetError::content(path, reason))?;
@@ -76,12 +77,12 @@ fn intrinsics(path: &Path, (width, height): (u32, u32)) -> Result<Intrinsics, Da
     } else {
         kinect::DEPTH
     };
-    Ok(Intrinsics { width, height, fx, fy, cx, cy })
+    Ok(Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy })
 }
 
 type Units = ImageBuffer<Luma<u16>, Vec<u16>>;
 
-/// Depth in millimetres, 0 wherever there is no measurement; and whether it was so already.
+/// Depth in millimetres, 0 without a measurement; and whether the file has it so already.
 fn units(path: &Path, bytes: &[u8]) -> Result<(Units, bool), DatasetError> {
     let mut units = match files::picture(path, bytes)? {
         DynamicImage::ImageLuma16(units) => units,
@@ -95,29 +96,29 @@ fn units(path: &Path, bytes: &[u8]) -> Result<(Units, bool), DatasetError> {
     Ok((units, is_whole))
 }
 
-/// A PNG, quickly.
-fn written(
+/// Encodes a PNG, fast rather than small.
+fn encoded(
     samples: &[u8],
-    (width, height): (u32, u32),
+    size: Size,
     kind: ExtendedColorType,
     sequence: u64,
 ) -> Result<Vec<u8>, DatasetError> {
     let mut bytes = Vec::new();
     let (fast, filter) = (png::CompressionType::Fast, png::FilterType::Adaptive);
     png::PngEncoder::new_with_quality(&mut bytes, fast, filter)
-        .write_image(samples, width, height, kind)
+        .write_image(samples, size.width, size.height, kind)
         .map_err(|source| DatasetError::Encode { sequence, source })?;
     Ok(bytes)
 }
 
 impl SevenScenes {
-    /// Whether the files are the Kinect's, color and depth each from its own camera.
+    /// Whether color and depth come from the Kinect's two cameras and are not registered.
     fn is_unregistered(&self) -> bool {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
     }
 
-    /// Color at the depth's pixels.
+    /// The color image, registered to the depth image.
     fn color(&self, entry: &Entry, units: &Units) -> Result<Color, DatasetError> {
         let color = files::color(&entry.color)?;
         if !self.is_unregistered() {
@@ -131,7 +132,8 @@ impl SevenScenes {
             return Err(DatasetError::content(&entry.color, reason));
         }
         let seen = kinect::registered(&picture, units);
-        let bytes = written(&seen, seen.dimensions(), ExtendedColorType::Rgb8, entry.sequence)?;
+        let size = Size { width: seen.width(), height: seen.height() };
+        let bytes = encoded(&seen, size, ExtendedColorType::Rgb8, entry.sequence)?;
         Ok(Color { format: ColorFormat::Png, bytes })
     }
 }
@@ -165,8 +167,8 @@ impl Dataset for SevenScenes {
         if !is_whole {
             // The encoder takes samples in native byte order.
             let samples: Vec<u8> = units.iter().flat_map(|unit| unit.to_ne_bytes()).collect();
-            depth.bytes =
-                written(&samples, units.dimensions(), ExtendedColorType::L16, entry.sequence)?;
+            let size = Size { width: units.width(), height: units.height() };
+            depth.bytes = encoded(&samples, size, ExtendedColorType::L16, entry.sequence)?;
         }
         Ok(RgbdFrame {
             sequence: entry.sequence,

@@ -6,6 +6,7 @@
 //! picture's place in `rgb.txt`, from 0.
 
 use super::error::DatasetError;
+use super::files::Size;
 use super::frame::{Intrinsics, RgbdFrame};
 use super::source::Dataset;
 use super::{files, pose};
@@ -42,10 +43,10 @@ struct Entry {
     world_from_camera: Option<Isometry3<f64>>,
 }
 
-/// A pose, or why a line's is none.
+/// A pose, or the reason why a line has no valid one.
 type MaybePose = Result<Isometry3<f64>, String>;
 
-/// A line of a list, by its time.
+/// A line of a list with its time.
 struct Timed<T> {
     nanos: u64,
     value: T,
@@ -118,7 +119,7 @@ fn timed<T>(
     Ok(list)
 }
 
-/// Decimal seconds, exactly: a double does not hold the microseconds of today.
+/// Nanoseconds of decimal seconds, exactly: an `f64` cannot hold microseconds since 1970.
 fn nanos(seconds: &str) -> Option<u64> {
     let (whole, fraction) = seconds.split_once('.').unwrap_or((seconds, ""));
     let digits = fraction.get(..fraction.len().min(9))?;
@@ -129,7 +130,7 @@ fn nanos(seconds: &str) -> Option<u64> {
     whole.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(fraction)
 }
 
-/// Pairs of places in the two lists, the closest first served, in the order of the first list.
+/// Pairs of indices into the two lists, closest in time first served, in the order of the first.
 fn pair<A, B>(first: &[Timed<A>], second: &[Timed<B>]) -> Vec<(usize, usize)> {
     let mut close = Vec::new();
     for (i, a) in first.iter().enumerate() {
@@ -151,7 +152,7 @@ fn pair<A, B>(first: &[Timed<A>], second: &[Timed<B>]) -> Vec<(usize, usize)> {
     pairs
 }
 
-/// The nearest pose in time, or why there is none.
+/// The nearest pose in time, or the reason why there is none.
 fn pose_at(poses: &[Timed<MaybePose>], nanos: u64) -> Result<Isometry3<f64>, String> {
     let after = poses.partition_point(|pose| pose.nanos < nanos);
     let around = &poses[after.saturating_sub(1)..poses.len().min(after + 1)];
@@ -162,11 +163,7 @@ fn pose_at(poses: &[Timed<MaybePose>], nanos: u64) -> Result<Isometry3<f64>, Str
     }
 }
 
-fn intrinsics(
-    folder: &Path,
-    name: &str,
-    (width, height): (u32, u32),
-) -> Result<Intrinsics, DatasetError> {
+fn intrinsics(folder: &Path, name: &str, size: Size) -> Result<Intrinsics, DatasetError> {
     let given = ["camera.txt", "calibration.txt"].map(|file| folder.join(file));
     let [fx, fy, cx, cy] = match given.iter().find(|path| path.is_file()) {
         Some(path) => {
@@ -183,7 +180,7 @@ fn intrinsics(
             .find(|(n, _)| ["fr", "freiburg"].iter().any(|b| name.contains(&format!("{b}{n}"))))
             .map_or(DEFAULT, |(_, camera)| *camera),
     };
-    Ok(Intrinsics { width, height, fx, fy, cx, cy })
+    Ok(Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy })
 }
 
 impl Dataset for Tum {

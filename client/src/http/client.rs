@@ -9,7 +9,7 @@ use lexsplat_proto::json::{
 use reqwest::{RequestBuilder, Response, Url, header};
 use serde::de::DeserializeOwned;
 
-/// A server.
+/// A client of one server.
 #[derive(Clone, Debug)]
 pub struct HttpClient {
     base: Url,
@@ -25,7 +25,7 @@ impl HttpClient {
         let wrong = || HttpError::Address { found: address.into() };
         let bare = address.strip_prefix("http://").unwrap_or(address);
         let base = Url::parse(&format!("http://{bare}")).map_err(|_| wrong())?;
-        // A proxy for the outer world knows nothing of robots.
+        // The server is in the local network, which a proxy does not reach.
         let client = reqwest::Client::builder().no_proxy().build().map_err(|_| wrong())?;
         Ok(Self { base, client })
     }
@@ -35,15 +35,15 @@ impl HttpClient {
         self.base.authority().to_owned()
     }
 
-    /// The map in numbers.
+    /// The status of a map.
     ///
     /// # Errors
-    /// Every [`HttpError`] but `Address`; so it is for all that ask.
+    /// Every [`HttpError`] but `Address`; so do all other requests.
     pub async fn status(&self, map: &str) -> Result<Status, HttpError> {
         self.json(self.client.get(self.url(map, &[]))).await
     }
 
-    /// The server's adapter and networks.
+    /// The server's graphics adapter, networks and version.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -51,7 +51,7 @@ impl HttpClient {
         self.json(self.client.get(self.path(&["healthz"]))).await
     }
 
-    /// The server's numbers as Prometheus text.
+    /// The server's metrics as Prometheus text.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -69,7 +69,7 @@ impl HttpClient {
         Ok(frames.frames)
     }
 
-    /// Asks.
+    /// Asks a question.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -77,7 +77,7 @@ impl HttpClient {
         self.json(self.client.post(self.url(map, &["query"])).json(question)).await
     }
 
-    /// Asks with several texts.
+    /// Labels pixels or Gaussians with several texts.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -85,7 +85,7 @@ impl HttpClient {
         self.json(self.client.post(self.url(map, &["query"])).json(question)).await
     }
 
-    /// The labels of a view's pixels: a PNG with a palette, or `accept` another kind.
+    /// The labels of a view's pixels in the media type `accept`, such as a PNG with a palette.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -101,7 +101,7 @@ impl HttpClient {
         self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
     }
 
-    /// The relevancies `[height, width]` of an answer's heat map, and the file that they came in.
+    /// The heat map of an answer: relevancies `[height, width]`, and the .npy file that they came in.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -148,7 +148,7 @@ impl HttpClient {
         Ok(array)
     }
 
-    /// What the map looks like from a tracked frame, as PNG.
+    /// The map rendered at the pose of a tracked frame, as PNG.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -157,7 +157,8 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["render"])).query(&[("frame", frame)])).await
     }
 
-    /// The depth that the map shows from a tracked frame, `[height, width]` metres, 0 where nothing is.
+    /// The depth rendered at the pose of a tracked frame, `[height, width]` in metres, 0 where it is
+    /// unknown.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -169,7 +170,7 @@ impl HttpClient {
         npy::read(&file).map_err(|error| self.broken(error.to_string()))
     }
 
-    /// Every tracked frame's pose as TUM text.
+    /// The poses of all tracked frames as TUM text.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -177,7 +178,8 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
     }
 
-    /// The map as a file such as `splats.ply`, with options such as `voxel`; `progress` hears bytes so far and in all, if known.
+    /// The map as a file such as `splats.ply`, with options such as `voxel`. `progress` gets the bytes so
+    /// far and the total, if it is known.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -246,7 +248,7 @@ impl HttpClient {
     }
 }
 
-/// What a refusal says, on one line.
+/// The message of a refusal, on one line.
 fn detail(body: &[u8], status: &str) -> String {
     match serde_json::from_slice::<Problem>(body) {
         Ok(problem) => problem.detail.replace('\n', " "),

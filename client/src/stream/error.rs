@@ -1,66 +1,66 @@
-//! What can go wrong with a stream: every message says what to do.
+//! Errors of streams; each message says what to do.
 
 use crate::dataset::DatasetError;
 use std::error::Error as _;
 use tonic::{Code, Status};
 
-/// Why a stream did not get to its end.
+/// A stream that was not finished.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// The address is none.
+    /// The address cannot be parsed.
     #[error("grpc: expected HOST:PORT, such as 127.0.0.1:50051, found {found:?}")]
     Address {
-        /// What was given.
+        /// The text that was given.
         found: String,
     },
-    /// Nobody listens.
+    /// Nothing listens at the address.
     #[error("no server at {address}: start lexsplat-server")]
     NoServer {
-        /// Where.
+        /// The address, `HOST:PORT`.
         address: String,
     },
     /// The server answered with an error.
     #[error("the server at {address} refused: {message}")]
     Refused {
-        /// Which server.
+        /// Address of the server, `HOST:PORT`.
         address: String,
-        /// The kind of error.
+        /// gRPC status code.
         code: Code,
-        /// Its own words.
+        /// Message of the server.
         message: String,
     },
-    /// The connection is gone.
+    /// The connection broke.
     #[error(
         "the connection to {address} broke; when the server is up, the same command goes on from there"
     )]
     Broken {
-        /// Which server.
+        /// Address of the server, `HOST:PORT`.
         address: String,
     },
     /// The data set cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// Poses were to be given but there is none.
+    /// A frame has no pose, although poses were to be given.
     #[error(
         "frame {sequence} has no pose: the data set needs poses unless the server estimates them"
     )]
     NoPose {
-        /// The frame.
+        /// Number of the frame.
         sequence: u64,
     },
-    /// Language was to be given but there is none.
+    /// The data set has no masks, although language was to be given.
     #[error("{dataset} has no masks: leave out --encoder oracle")]
     NoMasks {
-        /// The data set.
+        /// Name of the data set.
         dataset: String,
     },
-    /// Reading or rendering panicked.
+    /// The thread that reads or renders frames panicked.
     #[error("reading frames panicked")]
     Panicked,
 }
 
 impl ClientError {
-    /// Tells the server's own words from the transport's.
+    /// Distinguishes an error of the server from one of the connection.
     pub(crate) fn of_status(status: Status, address: &str) -> Self {
         let address = address.to_owned();
         if status.source().is_some() {
@@ -69,7 +69,7 @@ impl ClientError {
         Self::Refused { address, code: status.code(), message: status.message().to_owned() }
     }
 
-    /// The stream ended without an answer to everything.
+    /// The stream ended before every frame was acknowledged.
     pub(crate) fn unanswered(address: &str) -> Self {
         Self::Broken { address: address.to_owned() }
     }

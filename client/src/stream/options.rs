@@ -1,4 +1,4 @@
-//! What a stream of a data set is to do.
+//! Options of streaming a data set.
 
 use std::num::NonZeroUsize;
 
@@ -22,19 +22,19 @@ pub enum Encoder {
     Oracle,
 }
 
-/// Where to stream to, and how.
+/// Server, map and kind of a stream.
 #[derive(Clone, Debug)]
 pub struct StreamOptions {
     /// The server's gRPC address, `HOST:PORT`.
     pub grpc: String,
-    /// The map to make or go on with.
+    /// Name of the map to create or resume.
     pub map: String,
     /// Where poses come from.
     pub poses: Poses,
     /// Where language comes from.
     pub encoder: Encoder,
-    /// Every so many frames one is held out: tracked, and never a keyframe. `None`: none is.
+    /// Every N-th frame is held out: tracked, and never a keyframe. `None`: none is.
     pub hold_out_every: Option<NonZeroUsize>,
-    /// Whether frames are sent at the pace of their timestamps, not as fast as the server takes them.
+    /// Whether frames are sent at the pace of their timestamps instead of as fast as possible.
     pub realtime: bool,
 }

@@ -1,4 +1,4 @@
-//! Reads or renders frames ahead and puts them on the wire's queue. Runs on a blocking thread.
+//! Reads or renders frames ahead of the wire, on a blocking thread.
 
 use super::connection::{FrameSender, wire_frame};
 use super::error::ClientError;
@@ -10,20 +10,20 @@ use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What to send, and how.
+/// Sends the frames of a data set.
 pub(super) struct Producer {
     pub dataset: Arc<dyn Dataset>,
     pub indices: Vec<usize>,
     pub needs_poses: bool,
     pub realtime: bool,
-    /// Whether frames carry the data set's masks, which are there.
+    /// Whether frames carry the data set's masks; it must have some.
     pub labels: bool,
     pub hold_out_every: Option<NonZeroUsize>,
     pub frames: FrameSender,
 }
 
 impl Producer {
-    /// Sends everything, or as much as the other side takes: why it stopped taking is its to say.
+    /// Sends all frames, or stops when the stream has ended; the acknowledgements have the reason.
     pub(super) fn run(self) -> Result<(), ClientError> {
         let mut pace = None;
         for &index in &self.indices {
@@ -49,13 +49,13 @@ impl Producer {
         Ok(())
     }
 
-    /// The last of every so many frames, by position in the data set.
+    /// Whether a frame is held out: the last of every N, by position in the data set.
     fn is_held_out(&self, index: usize) -> bool {
         self.hold_out_every.is_some_and(|every| (index + 1).is_multiple_of(every.get()))
     }
 }
 
-/// Instances as a 16-bit grey PNG.
+/// Instance ids as a 16-bit grey PNG.
 fn labels_png(mask: &Mask, sequence: u64) -> Result<Vec<u8>, DatasetError> {
     // The encoder takes samples in native byte order.
     let samples: Vec<u8> = mask.ids.iter().flat_map(|id| id.to_ne_bytes()).collect();
@@ -66,7 +66,7 @@ fn labels_png(mask: &Mask, sequence: u64) -> Result<Vec<u8>, DatasetError> {
     Ok(bytes)
 }
 
-/// Holds frames back until their time.
+/// Delays frames to the pace of their timestamps.
 struct Pace {
     first_nanos: u64,
     started: Instant,

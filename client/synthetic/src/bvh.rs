@@ -1,15 +1,14 @@
-//! A bounding volume hierarchy over the scene's triangles (binned surface-area heuristic).
-//! In: a [`Mesh`], which it reorders; out: the nearest hit of a ray, or whether anything blocks it.
-//! It knows geometry only, no shading.
+//! A bounding volume hierarchy over the scene's triangles (binned surface-area heuristic): the nearest
+//! hit of a ray, or whether anything blocks it. Building it reorders the triangles of the [`Mesh`].
 
 use crate::mesh::{Mesh, Triangle};
-use crate::vector::V3;
+use glam::Vec3;
 
 /// A ray; `direction` need not be of unit length, distances are in its units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
-    pub origin: V3,
-    pub direction: V3,
+    pub origin: Vec3,
+    pub direction: Vec3,
 }
 
 /// Where a ray meets a triangle: distance and barycentric weights of its second and third corner.
@@ -23,8 +22,7 @@ pub(crate) struct Hit {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    low: V3,
-    high: V3,
+    bounds: Bounds,
     /// First triangle of a leaf, or the left child (the right one follows it).
     first: u32,
     /// Triangles of a leaf, 0 for an inner node.
@@ -45,7 +43,7 @@ const STACK: usize = 64;
 impl Bvh {
     /// Builds the hierarchy and sorts the mesh's triangles into leaf order.
     pub fn build(mesh: &mut Mesh) -> Self {
-        let boxes: Vec<(V3, V3)> = mesh.triangles.iter().map(triangle_bounds).collect();
+        let boxes: Vec<Bounds> = mesh.triangles.iter().map(triangle_bounds).collect();
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
         let mut nodes = vec![leaf(&boxes, &order, 0)];
         // Depth is bounded so that the traversal's stack cannot overflow.
@@ -88,7 +86,8 @@ impl Bvh {
     pub fn blocked(
         &self,
         triangles: &[Triangle],
-        (ray, limit): (&Ray, f32),
+        ray: &Ray,
+        limit: f32,
         blocks: impl Fn(u32) -> bool,
     ) -> bool {
         let mut found = false;
@@ -110,7 +109,7 @@ impl Bvh {
     /// Calls `leaf` for every triangle in boxes the ray enters before the limit `leaf` last gave.
     fn visit_within(&self, ray: &Ray, mut limit: f32, leaf: &mut impl FnMut(u32) -> f32) {
         let d = ray.direction;
-        let inverse = V3 { x: 1.0 / d.x, y: 1.0 / d.y, z: 1.0 / d.z };
+        let inverse = Vec3 { x: 1.0 / d.x, y: 1.0 / d.y, z: 1.0 / d.z };
         let mut stack = [(0_u32, 0.0_f32); STACK];
         let mut top = 1;
         stack[0] = (0, enter(&self.nodes[0], ray.origin, inverse));
@@ -146,12 +145,20 @@ impl Bvh {
     }
 }
 
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
 /// Distance at which the ray enters a node's box, infinite when it misses.
 #[inline(always)]
-fn enter(node: &Node, o: V3, inverse: V3) -> f32 {
-    let (ax, bx) = ((node.low.x - o.x) * inverse.x, (node.high.x - o.x) * inverse.x);
-    let (ay, by) = ((node.low.y - o.y) * inverse.y, (node.high.y - o.y) * inverse.y);
-    let (az, bz) = ((node.low.z - o.z) * inverse.z, (node.high.z - o.z) * inverse.z);
+fn enter(node: &Node, o: Vec3, inverse: Vec3) -> f32 {
+    let Bounds { low, high } = node.bounds;
+    let (ax, bx) = ((low.x - o.x) * inverse.x, (high.x - o.x) * inverse.x);
+    let (ay, by) = ((low.y - o.y) * inverse.y, (high.y - o.y) * inverse.y);
+    let (az, bz) = ((low.z - o.z) * inverse.z, (high.z - o.z) * inverse.z);
     let near = ax.min(bx).max(ay.min(by)).max(az.min(bz)).max(0.0);
     let far = ax.max(bx).min(ay.max(by)).min(az.max(bz));
     if near <= far { near } else { f32::INFINITY }
@@ -184,38 +191,39 @@ pub(crate) fn plane_hit(triangle: &Triangle, index: u32, ray: &Ray) -> Option<Hi
     })
 }
 
-fn triangle_bounds(t: &Triangle) -> (V3, V3) {
+fn triangle_bounds(t: &Triangle) -> Bounds {
     let (a, b, c) = (t.corner, t.corner + t.edge1, t.corner + t.edge2);
-    (a.min(b).min(c), a.max(b).max(c))
+    Bounds { low: a.min(b).min(c), high: a.max(b).max(c) }
 }
 
-fn union(boxes: impl Iterator<Item = (V3, V3)>) -> (V3, V3) {
-    let none = V3 { x: f32::MAX, y: f32::MAX, z: f32::MAX };
-    boxes.fold((none, -none), |a, b| (a.0.min(b.0), a.1.max(b.1)))
+fn union(boxes: impl Iterator<Item = Bounds>) -> Bounds {
+    let none = Bounds { low: Vec3::MAX, high: -Vec3::MAX };
+    boxes.fold(none, |a, b| Bounds { low: a.low.min(b.low), high: a.high.max(b.high) })
 }
 
-fn leaf(boxes: &[(V3, V3)], order: &[u32], first: usize) -> Node {
-    let (low, high) = union(order.iter().map(|&i| boxes[i as usize]));
-    Node { low, high, first: first as u32, count: order.len() as u32 }
+fn leaf(boxes: &[Bounds], order: &[u32], first: usize) -> Node {
+    let bounds = union(order.iter().map(|&i| boxes[i as usize]));
+    Node { bounds, first: first as u32, count: order.len() as u32 }
 }
 
-fn area((low, high): (V3, V3)) -> f32 {
-    let d = (high - low).max(V3::ZERO);
+fn area(Bounds { low, high }: Bounds) -> f32 {
+    let d = (high - low).max(Vec3::ZERO);
     d.x * d.y + d.y * d.z + d.z * d.x
 }
 
 /// Partitions `order` at the cheapest bin border; returns the size of the left part, or nothing
 /// when the centres coincide.
-fn split(boxes: &[(V3, V3)], order: &mut [u32]) -> Option<usize> {
-    let centre = |i: u32| (boxes[i as usize].0 + boxes[i as usize].1) * 0.5;
-    let (low, high) = union(order.iter().map(|&i| (centre(i), centre(i))));
+fn split(boxes: &[Bounds], order: &mut [u32]) -> Option<usize> {
+    let centre = |i: u32| (boxes[i as usize].low + boxes[i as usize].high) * 0.5;
+    let Bounds { low, high } =
+        union(order.iter().map(|&i| Bounds { low: centre(i), high: centre(i) }));
     let extent = high - low;
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in 0..3 {
-        if extent.axis(axis) < 1e-6 {
+        if extent[axis] < 1e-6 {
             continue;
         }
-        let bin = |i: u32| bin_of(centre(i).axis(axis), low.axis(axis), extent.axis(axis));
+        let bin = |i: u32| bin_of(centre(i)[axis], low[axis], extent[axis]);
         let mut counts = [0_usize; BINS];
         let mut bounds = [union(std::iter::empty()); BINS];
         for &i in order.iter() {
@@ -236,8 +244,7 @@ fn split(boxes: &[(V3, V3)], order: &mut [u32]) -> Option<usize> {
         }
     }
     let (_, axis, border) = best?;
-    let is_left =
-        |i: &u32| bin_of(centre(*i).axis(axis), low.axis(axis), extent.axis(axis)) < border;
+    let is_left = |i: &u32| bin_of(centre(*i)[axis], low[axis], extent[axis]) < border;
     order.sort_by_key(|i| !is_left(i));
     Some(order.iter().filter(|i| is_left(i)).count())
 }

@@ -1,7 +1,8 @@
 //! The seeded random source of a room: ranges, choices and palettes. Same seed, same room.
 
 use crate::material::Texture;
-use crate::vector::{V3, rgb};
+use crate::vector::rgb;
+use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -51,11 +52,11 @@ impl Dice {
         self.0.random_range(0..100_000)
     }
 
-    pub fn bright(&mut self) -> V3 {
+    pub fn bright(&mut self) -> Vec3 {
         rgb(self.pick(&BRIGHTS))
     }
 
-    pub fn fabric_color(&mut self) -> V3 {
+    pub fn fabric_color(&mut self) -> Vec3 {
         rgb(self.pick(&FABRICS))
     }
 
@@ -90,8 +91,8 @@ impl Dice {
 /// The two colors of a wood.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wood {
-    base: V3,
-    dark: V3,
+    base: Vec3,
+    dark: Vec3,
 }
 
 impl Wood {

@@ -10,7 +10,8 @@ use crate::material::{Material, Texture, matt, shiny};
 use crate::path::Loop;
 use crate::places::{Places, Wall};
 use crate::shapes::Builder;
-use crate::vector::{Placement, V3, rgb, v};
+use crate::vector::{Placement, rgb};
+use glam::{Vec3, vec3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// The result of furnishing.
@@ -30,7 +31,7 @@ struct Furnisher {
 /// Furnishes the room of a seed.
 pub(crate) fn furnish(seed: u64) -> Furnished {
     let mut d = Dice::new(seed);
-    let size = v(d.between(4.6, 5.8), d.between(4.4, 5.2), d.between(2.5, 2.8));
+    let size = vec3(d.between(4.6, 5.8), d.between(4.4, 5.2), d.between(2.5, 2.8));
     let places = Places::new(size);
     let mut f = Furnisher { b: Builder::new(), d, places, lights: Vec::new() };
     f.shell();
@@ -44,8 +45,8 @@ pub(crate) fn furnish(seed: u64) -> Furnished {
     Furnished { builder: f.b, lights: f.lights, walk }
 }
 
-const WARM: V3 = v(1.0, 0.86, 0.66);
-const DAY: V3 = v(0.92, 1.0, 1.12);
+const WARM: Vec3 = vec3(1.0, 0.86, 0.66);
+const DAY: Vec3 = vec3(0.92, 1.0, 1.12);
 
 impl Furnisher {
     fn shell(&mut self) {
@@ -58,18 +59,18 @@ impl Furnisher {
             },
             1 => {
                 let a = d.fabric_color();
-                Texture::Carpet { a: a.mix(rgb(0xd8d0c0), 0.5), b: a.mix(rgb(0x9a9284), 0.5) }
+                Texture::Carpet { a: a.lerp(rgb(0xd8d0c0), 0.5), b: a.lerp(rgb(0x9a9284), 0.5) }
             }
             _ => d.wood().planks(),
         };
         let gloss = if matches!(floor, Texture::Carpet { .. }) { 0.0 } else { 0.2 };
         let (x, y, h) = (size.x / 2.0 + 0.05, size.y / 2.0 + 0.05, size.z);
         self.b.object("floor", Placement::IDENTITY, |b| {
-            let along = [v(-x, -y, 0.0), v(2.0 * x, 0.0, 0.0), v(0.0, 2.0 * y, 0.0)];
+            let along = [vec3(-x, -y, 0.0), vec3(2.0 * x, 0.0, 0.0), vec3(0.0, 2.0 * y, 0.0)];
             b.plane(along, 0.05, shiny(floor, gloss));
         });
         self.b.object("ceiling", Placement::IDENTITY, |b| {
-            let along = [v(-x, y, h), v(2.0 * x, 0.0, 0.0), v(0.0, -2.0 * y, 0.0)];
+            let along = [vec3(-x, y, h), vec3(2.0 * x, 0.0, 0.0), vec3(0.0, -2.0 * y, 0.0)];
             b.plane(along, 0.12, matt(Texture::Plaster(rgb(0xf2f0ea))));
         });
         let paper = wall_paint(d);
@@ -80,12 +81,12 @@ impl Furnisher {
             self.b.object("wall", place, |b| {
                 let half = length / 2.0 + 0.05;
                 b.plane(
-                    [v(half, 0.0, -0.05), v(-2.0 * half, 0.0, 0.0), v(0.0, 0.0, h + 0.1)],
+                    [vec3(half, 0.0, -0.05), vec3(-2.0 * half, 0.0, 0.0), vec3(0.0, 0.0, h + 0.1)],
                     0.08,
                     skin,
                 );
                 let skirting = shiny(Texture::Plaster(rgb(0xe8e4d8)), 0.1);
-                b.slab(v(0.0, 0.008, 0.045), v(length, 0.016, 0.09), 0.004, skirting);
+                b.slab(vec3(0.0, 0.008, 0.045), vec3(length, 0.016, 0.09), 0.004, skirting);
             });
         }
     }
@@ -96,7 +97,7 @@ impl Furnisher {
         let w = if round { self.d.between(1.05, 1.2) } else { self.d.between(1.3, 1.55) };
         let depth = if round { w } else { self.d.between(0.8, 0.92) };
         let turn = self.d.pick(&[0.0, FRAC_PI_2]) + self.d.between(-0.12, 0.12);
-        let centre = v(self.d.between(-0.15, 0.15), self.d.between(-0.15, 0.15), 0.0);
+        let centre = vec3(self.d.between(-0.15, 0.15), self.d.between(-0.15, 0.15), 0.0);
         let place = Placement::upright(centre, turn);
         self.places.take(&place, [w, depth], 0.0);
         if self.d.chance(0.85) {
@@ -104,16 +105,16 @@ impl Furnisher {
             let d = &mut self.d;
             self.b.object("rug", place, |b| decor::rug(b, d, rw, rd));
         }
-        let lifted = place.then(&Placement::upright(v(0.0, 0.0, 0.011), 0.0));
+        let lifted = place.then(&Placement::upright(vec3(0.0, 0.0, 0.011), 0.0));
         let d = &mut self.d;
         self.b.object("table", lifted, |b| tables::table(b, d, w, depth));
         self.chairs(&lifted, [w, depth]);
         self.on_table(&lifted, [w, depth]);
         let drop = self.places.size.z - self.d.between(1.75, 1.9);
-        let hook = centre + v(0.0, 0.0, self.places.size.z);
+        let hook = centre + vec3(0.0, 0.0, self.places.size.z);
         let d = &mut self.d;
         self.b.object("lamp", Placement::upright(hook, 0.0), |b| decor::pendant(b, d, drop));
-        self.lights.push(Light::lamp(hook + v(0.0, 0.0, 0.05 - drop), 0.1, WARM * 2.6));
+        self.lights.push(Light::lamp(hook + vec3(0.0, 0.0, 0.05 - drop), 0.1, WARM * 2.6));
     }
 
     fn chairs(&mut self, table: &Placement, [w, depth]: [f32; 2]) {
@@ -136,11 +137,11 @@ impl Furnisher {
             let wobble = self.d.between(-0.2, 0.2);
             let local = if yaw.is_nan() {
                 let (s, c) = a.sin_cos();
-                Placement::upright(v(c, s, 0.0) * (edge + out), a + FRAC_PI_2 + wobble)
+                Placement::upright(vec3(c, s, 0.0) * (edge + out), a + FRAC_PI_2 + wobble)
             } else if edge.is_nan() {
-                Placement::upright(v(a + out, 0.0, 0.0), yaw + wobble)
+                Placement::upright(vec3(a + out, 0.0, 0.0), yaw + wobble)
             } else {
-                Placement::upright(v(a, edge + out * edge.signum(), 0.0), yaw + wobble)
+                Placement::upright(vec3(a, edge + out * edge.signum(), 0.0), yaw + wobble)
             };
             let place = table.then(&local);
             self.places.take(&place, [0.45, 0.45], 0.0);
@@ -159,16 +160,17 @@ impl Furnisher {
             ("bottle", 0.05, 0.9, tables::bottle),
             ("mug", 0.065, 0.4, tables::mug),
         ];
-        let mut taken: Vec<(V3, f32)> = Vec::new();
+        let mut taken: Vec<(Vec3, f32)> = Vec::new();
         for (class, radius, likely, build) in all {
             if !self.d.chance(likely) {
                 continue;
             }
             let free = (0..80).find_map(|_| {
                 let (hx, hy) = (w / 2.0 - radius, depth / 2.0 - radius);
-                let p = v(self.d.between(-hx, hx), self.d.between(-hy, hy), TABLE_HEIGHT + 0.001);
+                let p =
+                    vec3(self.d.between(-hx, hx), self.d.between(-hy, hy), TABLE_HEIGHT + 0.001);
                 let inside = w != depth || p.x.hypot(p.y) < hx;
-                let clear = |(q, r): &(V3, f32)| (p - *q).length() > radius + r + 0.02;
+                let clear = |(q, r): &(Vec3, f32)| (p - *q).length() > radius + r + 0.02;
                 (inside && taken.iter().all(clear)).then_some(p)
             });
             let Some(p) = free else { continue };
@@ -187,11 +189,11 @@ impl Furnisher {
         if let Some((place, _)) = self.places.hang(&mut self.d, [1.06, 2.11], [1.055, 1.056]) {
             // Keep the way to the door free.
             self.places.take(
-                &place.then(&Placement::upright(v(0.0, 0.35, 0.0), 0.0)),
+                &place.then(&Placement::upright(vec3(0.0, 0.35, 0.0), 0.0)),
                 [0.95, 0.7],
                 0.0,
             );
-            let down = place.then(&Placement::upright(v(0.0, 0.0, -0.04), 0.0));
+            let down = place.then(&Placement::upright(vec3(0.0, 0.0, -0.04), 0.0));
             let d = &mut self.d;
             self.b.object("door", down, |b| walls::door(b, d));
         }
@@ -201,8 +203,8 @@ impl Furnisher {
             let Some((place, _)) = found else { continue };
             let d = &mut self.d;
             self.b.object("window", place, |b| walls::window(b, d, [w, h]));
-            let corner = place.point(v(w / 2.0, 0.17, -h / 2.0));
-            let (eu, ev) = (place.turn(v(-w, 0.0, 0.0)), place.turn(v(0.0, 0.0, h)));
+            let corner = place.point(vec3(w / 2.0, 0.17, -h / 2.0));
+            let (eu, ev) = (place.turn(vec3(-w, 0.0, 0.0)), place.turn(vec3(0.0, 0.0, h)));
             self.lights.push(Light::window(corner, eu, ev, DAY * (3.4 * w * h)));
         }
     }
@@ -221,7 +223,7 @@ impl Furnisher {
                 storage::cabinet(b, d, [w, depth, h]);
             });
             if let Some(place) = stand {
-                let on = place.then(&Placement::upright(v(0.0, 0.0, h + 0.002), 0.0));
+                let on = place.then(&Placement::upright(vec3(0.0, 0.0, h + 0.002), 0.0));
                 self.places.block(&on, [screen, 0.6], h + 0.35);
                 let d = &mut self.d;
                 self.b.object("television", on, |b| storage::television(b, d, screen));
@@ -232,7 +234,7 @@ impl Furnisher {
             let bed =
                 self.against_wall("bed", [w + 0.08, 2.02, 0.95], |b, d| seating::bed(b, d, w));
             if let Some(place) = bed.filter(|_| self.d.chance(0.6)) {
-                let on = place.then(&Placement::upright(v(0.1, -0.1, 0.49), 0.2));
+                let on = place.then(&Placement::upright(vec3(0.1, -0.1, 0.49), 0.2));
                 let d = &mut self.d;
                 self.b.object("teddy bear", on, |b| decor::teddy(b, d));
             }
@@ -241,7 +243,7 @@ impl Furnisher {
             let size = [self.d.between(0.8, 1.2), 0.42, self.d.pick(&[0.85, 0.9, 1.75])];
             let place = self.against_wall("cabinet", size, |b, d| storage::cabinet(b, d, size));
             if let Some(place) = place.filter(|_| size[2] < 1.0) {
-                let on = place.then(&Placement::upright(v(0.15, 0.0, size[2] + 0.002), 0.0));
+                let on = place.then(&Placement::upright(vec3(0.15, 0.0, size[2] + 0.002), 0.0));
                 self.table_lamp(&on);
             }
         }
@@ -251,7 +253,7 @@ impl Furnisher {
         self.places.block(on, [0.3, 0.5], on.origin.z + 0.25);
         let d = &mut self.d;
         self.b.object("lamp", *on, |b| decor::table_lamp(b, d));
-        self.lights.push(Light::lamp(on.point(v(0.0, 0.0, 0.34)), 0.08, WARM * 0.5));
+        self.lights.push(Light::lamp(on.point(vec3(0.0, 0.0, 0.34)), 0.08, WARM * 0.5));
     }
 
     fn against_wall(
@@ -280,7 +282,7 @@ impl Furnisher {
         if let Some(place) = lamp {
             let d = &mut self.d;
             self.b.object("lamp", place, |b| decor::floor_lamp(b, d, h));
-            self.lights.push(Light::lamp(place.point(v(0.0, 0.0, h - 0.15)), 0.1, WARM * 1.1));
+            self.lights.push(Light::lamp(place.point(vec3(0.0, 0.0, h - 0.15)), 0.1, WARM * 1.1));
         }
         self.against_wall("trash can", [0.3, 0.3, 0.36], storage::trash_can);
         if self.d.chance(0.6) {
@@ -334,6 +336,6 @@ fn wall_paint(d: &mut Dice) -> Material {
     if d.chance(0.5) {
         return matt(Texture::Plaster(ground));
     }
-    let motif = ground.mix(d.fabric_color(), 0.4);
+    let motif = ground.lerp(d.fabric_color(), 0.4);
     matt(Texture::Wallpaper { ground, motif, kind: d.count(0, 2) as u32 })
 }

@@ -1,68 +1,68 @@
-//! Light baked once per room: for every light texel of every patch the irradiance (linear RGB) from
-//! the lamps and the window with soft shadows, and one bounce off the other surfaces, which gives
-//! darkened corners and color bleeding. In: mesh, hierarchy, lights; out: [`Baked`]. View-independent:
-//! highlights are the renderer's.
+//! Diffuse light, baked once per room: for every texel of every patch the irradiance (linear RGB) from
+//! lamps and windows with soft shadows, and one bounce off the other surfaces, which darkens corners
+//! and bleeds color. Highlights depend on the view and are in [`crate::render`].
 
 use crate::bvh::{Bvh, Ray};
-use crate::mesh::Mesh;
-use crate::vector::{V3, v};
+use crate::mesh::{Mesh, Oriented};
+use crate::vector::perpendicular;
+use glam::{Vec3, vec3};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// An area light, as points that share its power.
 #[derive(Clone, Debug)]
 pub(crate) struct Light {
-    pub points: Vec<V3>,
+    pub points: Vec<Vec3>,
     /// Facing, for windows; lamps shine all around.
-    pub facing: Option<V3>,
+    pub facing: Option<Vec3>,
     /// Irradiance at one metre, linear RGB.
-    pub power: V3,
+    pub power: Vec3,
 }
 
 impl Light {
     /// A glowing ball.
-    pub fn lamp(centre: V3, radius: f32, power: V3) -> Self {
+    pub fn lamp(centre: Vec3, radius: f32, power: Vec3) -> Self {
         const POINTS: usize = 6;
         let points = (0..POINTS)
             .map(|i| {
                 let z = 1.0 - (2.0 * i as f32 + 1.0) / POINTS as f32;
                 let (s, c) = (i as f32 * 2.4).sin_cos();
                 let r = (1.0 - z * z).sqrt();
-                centre + v(r * c, r * s, z) * radius
+                centre + vec3(r * c, r * s, z) * radius
             })
             .collect();
         Self { points, facing: None, power }
     }
 
     /// A window: a grid of points over the parallelogram.
-    pub fn window(origin: V3, eu: V3, ev: V3, power: V3) -> Self {
+    pub fn window(origin: Vec3, eu: Vec3, ev: Vec3, power: Vec3) -> Self {
         let at = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
         let points = (0..12).map(|i| origin + eu * at(i % 4, 4) + ev * at(i / 4, 3)).collect();
-        Self { points, facing: Some(eu.cross(ev).unit()), power }
+        Self { points, facing: Some(eu.cross(ev).normalize_or(Vec3::Z)), power }
     }
 
     /// Centre of its points.
-    pub fn centre(&self) -> V3 {
-        self.points.iter().fold(V3::ZERO, |a, &p| a + p) * (1.0 / self.points.len() as f32)
+    pub fn centre(&self) -> Vec3 {
+        self.points.iter().fold(Vec3::ZERO, |a, &p| a + p) * (1.0 / self.points.len() as f32)
     }
 }
 
 /// Irradiance at every light texel, patch by patch, in the texels' order.
 #[derive(Clone, Debug)]
 pub(crate) struct Baked {
-    patches: Vec<Vec<V3>>,
+    patches: Vec<Vec<Vec3>>,
 }
 
 /// Rays that gather the bounced light of one texel.
 const GATHER: usize = 28;
-/// What a surface sends on after more than one bounce, as a share of its albedo.
+/// Light after more than one bounce, as a share of the albedo.
 const FURTHER_BOUNCES: f32 = 0.22;
 const OFFSET: f32 = 2e-3;
 
 impl Baked {
     /// Bakes all patches; deterministic.
     pub fn bake(mesh: &Mesh, bvh: &Bvh, lights: &[Light]) -> Self {
-        let direct: Vec<Vec<V3>> = mesh
+        let direct: Vec<Vec<Vec3>> = mesh
             .patches
             .par_iter()
             .map(|patch| {
@@ -70,16 +70,16 @@ impl Baked {
             })
             .collect();
         let direct = Self { patches: direct };
-        let albedos: Vec<V3> = mesh.patches.iter().map(|p| p.material.mean_albedo()).collect();
+        let albedos: Vec<Vec3> = mesh.patches.iter().map(|p| p.material.mean_albedo()).collect();
         let patches = mesh
             .patches
             .par_iter()
             .zip(&direct.patches)
             .map(|(patch, own)| {
-                let bounced: Vec<V3> = patch
+                let bounced: Vec<Vec3> = patch
                     .texels
                     .iter()
-                    .map(|&texel| gather(mesh, bvh, (&direct, &albedos), texel))
+                    .map(|&texel| gather(mesh, bvh, &direct, &albedos, texel))
                     .collect();
                 let bounced = smooth(&bounced, patch.light);
                 own.iter().zip(&bounced).map(|(&a, &b)| a + b).collect()
@@ -90,7 +90,7 @@ impl Baked {
 
     /// Irradiance at (u, v) of a patch, bilinear between texels.
     #[inline]
-    pub fn at(&self, mesh: &Mesh, patch: u32, uv: [f32; 2]) -> V3 {
+    pub fn at(&self, mesh: &Mesh, patch: u32, uv: [f32; 2]) -> Vec3 {
         let [columns, rows] = mesh.patches[patch as usize].light;
         let texels = &self.patches[patch as usize];
         let place = |t: f32, n: usize| {
@@ -99,21 +99,22 @@ impl Baked {
             (i, x - i as f32)
         };
         let ((i, fx), (j, fy)) = (place(uv[0], columns), place(uv[1], rows));
-        let low = texels[j * columns + i].mix(texels[j * columns + i + 1], fx);
-        let high = texels[(j + 1) * columns + i].mix(texels[(j + 1) * columns + i + 1], fx);
-        low.mix(high, fy)
+        let low = texels[j * columns + i].lerp(texels[j * columns + i + 1], fx);
+        let high = texels[(j + 1) * columns + i].lerp(texels[(j + 1) * columns + i + 1], fx);
+        low.lerp(high, fy)
     }
 }
 
-fn direct_light(mesh: &Mesh, bvh: &Bvh, lights: &[Light], (position, normal): (V3, V3)) -> V3 {
+fn direct_light(mesh: &Mesh, bvh: &Bvh, lights: &[Light], texel: Oriented) -> Vec3 {
+    let Oriented { position, normal } = texel;
     let origin = position + normal * OFFSET;
-    let mut sum = V3::ZERO;
+    let mut sum = Vec3::ZERO;
     for light in lights {
         let mut reached = 0.0;
         for &point in &light.points {
             let way = point - origin;
             let square = way.dot(way).max(0.04);
-            let direction = way.unit();
+            let direction = way.normalize_or(Vec3::Z);
             let cosine = normal.dot(direction);
             let leaving = light.facing.map_or(1.0, |f| f.dot(-direction).max(0.0));
             if cosine <= 0.0 || leaving <= 0.0 {
@@ -124,25 +125,21 @@ fn direct_light(mesh: &Mesh, bvh: &Bvh, lights: &[Light], (position, normal): (V
                 let patch = mesh.facets[i as usize].patch;
                 mesh.patches[patch as usize].material.glow == 0.0
             };
-            if !bvh.blocked(&mesh.triangles, (&ray, 0.999), blocks) {
+            if !bvh.blocked(&mesh.triangles, &ray, 0.999, blocks) {
                 reached += cosine * leaving / square;
             }
         }
-        sum = sum + light.power * (reached / light.points.len() as f32);
+        sum += light.power * (reached / light.points.len() as f32);
     }
     sum
 }
 
-fn gather(
-    mesh: &Mesh,
-    bvh: &Bvh,
-    (direct, albedos): (&Baked, &[V3]),
-    (position, normal): (V3, V3),
-) -> V3 {
+fn gather(mesh: &Mesh, bvh: &Bvh, direct: &Baked, albedos: &[Vec3], texel: Oriented) -> Vec3 {
+    let Oriented { position, normal } = texel;
     let origin = position + normal * OFFSET;
-    let x = normal.perpendicular();
+    let x = perpendicular(normal);
     let y = normal.cross(x);
-    let mut sum = V3::ZERO;
+    let mut sum = Vec3::ZERO;
     for i in 0..GATHER {
         // Cosine-weighted: a sunflower on the disc, lifted to the hemisphere.
         let square = (i as f32 + 0.5) / GATHER as f32;
@@ -155,21 +152,21 @@ fn gather(
         let (patch, albedo) = (facet.patch, albedos[facet.patch as usize]);
         let glow = mesh.patches[patch as usize].material.glow;
         let light = direct.at(mesh, patch, uv) * FRAC_1_PI;
-        sum = sum + albedo.times(light + v(1.0, 1.0, 1.0) * (FURTHER_BOUNCES + glow));
+        sum += albedo * (light + Vec3::ONE * (FURTHER_BOUNCES + glow));
     }
     sum * (PI / GATHER as f32)
 }
 
 /// A 3 × 3 mean over the light grid: takes the gathering rays' pattern out.
-fn smooth(texels: &[V3], [columns, rows]: [usize; 2]) -> Vec<V3> {
+fn smooth(texels: &[Vec3], [columns, rows]: [usize; 2]) -> Vec<Vec3> {
     (0..texels.len())
         .map(|i| {
             let (c, r) = (i % columns, i / columns);
-            let mut sum = V3::ZERO;
+            let mut sum = Vec3::ZERO;
             let mut count = 0.0;
             for y in r.saturating_sub(1)..=(r + 1).min(rows - 1) {
                 for x in c.saturating_sub(1)..=(c + 1).min(columns - 1) {
-                    sum = sum + texels[y * columns + x];
+                    sum += texels[y * columns + x];
                     count += 1.0;
                 }
             }

@@ -1,85 +1,85 @@
-//! What surfaces are made of: a texture (albedo), a gloss and a glow. In: a point on a surface
-//! ([`SurfacePoint`]); out: linear RGB. Textures are procedural and depend on nothing but the place and their
-//! parameters. Printed things (pictures, screens, book spines) live in [`crate::prints`].
+//! Materials of surfaces: a texture (albedo), a gloss and a glow. Textures are procedural and depend on
+//! the point on the surface and their parameters only. Printed surfaces (pictures, screens, book
+//! spines) are in [`crate::prints`].
 
 use crate::noise::{fractal, hash, noise, noise3, step};
 use crate::prints::{self, Print};
 use crate::surface::SurfacePoint;
-use crate::vector::{V3, v};
+use glam::{Vec3, vec3};
 use std::f32::consts::{FRAC_PI_3, PI, TAU};
 
 /// Albedo over a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Texture {
-    Plain(V3),
+    Plain(Vec3),
     /// Painted plaster: the color with a faint unevenness.
-    Plaster(V3),
+    Plaster(Vec3),
     /// Solid wood with its grain along the given object axis.
     Wood {
-        base: V3,
-        dark: V3,
+        base: Vec3,
+        dark: Vec3,
         axis: usize,
     },
     /// Floor boards along u.
     Planks {
-        base: V3,
-        dark: V3,
+        base: Vec3,
+        dark: Vec3,
     },
     /// Square tiles of the given size in two colors with grout.
     Tiles {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
         size: f32,
     },
     Carpet {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
     },
     /// Woven cloth: a coarse weave with mottling.
     Weave {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
     },
     Plaid {
-        ground: V3,
-        band: V3,
+        ground: Vec3,
+        band: Vec3,
     },
     Stripes {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
         period: f32,
     },
     Dots {
-        ground: V3,
-        dot: V3,
+        ground: Vec3,
+        dot: Vec3,
         period: f32,
     },
     Wallpaper {
-        ground: V3,
-        motif: V3,
+        ground: Vec3,
+        motif: Vec3,
         kind: u32,
     },
-    Leather(V3),
-    Metal(V3),
+    Leather(Vec3),
+    Metal(Vec3),
     Wicker {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
     },
     /// A leaf with veins; u runs across, v from stem to tip.
     Leaf {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
     },
     /// A glazed vessel with a band of ornament; v runs up the profile.
     Glaze {
-        base: V3,
-        band: V3,
+        base: Vec3,
+        band: Vec3,
         kind: u32,
     },
     /// A toy ball in the object's frame, centred at height `radius`.
     Toy {
-        a: V3,
-        b: V3,
+        a: Vec3,
+        b: Vec3,
         radius: f32,
         kind: u32,
     },
@@ -111,13 +111,13 @@ pub(crate) fn glowing(texture: Texture, glow: f32) -> Material {
 
 impl Material {
     /// Albedo averaged over the surface, for light bounced off it.
-    pub fn mean_albedo(&self) -> V3 {
+    pub fn mean_albedo(&self) -> Vec3 {
         const N: usize = 5;
-        let mut sum = V3::ZERO;
+        let mut sum = Vec3::ZERO;
         for i in 0..N * N {
             let uv = [((i % N) as f32 + 0.5) / N as f32, ((i / N) as f32 + 0.5) / N as f32];
-            let local = v(uv[0] * 0.7, uv[1] * 0.7, uv[0] * 0.3 + uv[1] * 0.4);
-            sum = sum + self.texture.albedo(&SurfacePoint { uv, metres: uv, local });
+            let local = vec3(uv[0] * 0.7, uv[1] * 0.7, uv[0] * 0.3 + uv[1] * 0.4);
+            sum += self.texture.albedo(&SurfacePoint { uv, metres: uv, local });
         }
         sum * (1.0 / (N * N) as f32)
     }
@@ -125,7 +125,7 @@ impl Material {
 
 impl Texture {
     /// Linear RGB albedo at a place.
-    pub fn albedo(&self, at: &SurfacePoint) -> V3 {
+    pub fn albedo(&self, at: &SurfacePoint) -> Vec3 {
         let [x, y] = at.metres;
         match *self {
             Texture::Plain(c) => c,
@@ -140,24 +140,24 @@ impl Texture {
             Texture::Carpet { a, b } => {
                 let fleck =
                     noise(x * 90.0, y * 90.0, 11) * 0.6 + fractal(x * 9.0, y * 9.0, 12) * 0.5;
-                a.mix(b, step(0.25, 0.85, fleck))
+                a.lerp(b, step(0.25, 0.85, fleck))
             }
             Texture::Weave { a, b } => {
                 let weave = ((x * 260.0).sin() * (y * 260.0).sin()) * 0.25 + 0.5;
                 let mottle = fractal(x * 14.0, y * 14.0, 21);
-                a.mix(b, (0.45 * weave + 0.75 * mottle - 0.15).clamp(0.0, 1.0))
+                a.lerp(b, (0.45 * weave + 0.75 * mottle - 0.15).clamp(0.0, 1.0))
             }
             Texture::Plaid { ground, band } => plaid(x, y, ground, band),
             Texture::Stripes { a, b, period } => {
                 let t = (x / period).rem_euclid(1.0);
                 let wide = step(0.48, 0.52, t) * (1.0 - step(0.96, 1.0, t));
-                a.mix(b, wide) * (0.93 + 0.1 * noise(x * 70.0, y * 70.0, 31))
+                a.lerp(b, wide) * (0.93 + 0.1 * noise(x * 70.0, y * 70.0, 31))
             }
             Texture::Dots { ground, dot, period } => {
                 let row = (y / period).floor();
                 let shift = if row as i32 % 2 == 0 { 0.0 } else { 0.5 };
                 let (cx, cy) = ((x / period + shift).rem_euclid(1.0) - 0.5, y / period - row - 0.5);
-                ground.mix(dot, 1.0 - step(0.24, 0.29, cx.hypot(cy)))
+                ground.lerp(dot, 1.0 - step(0.24, 0.29, cx.hypot(cy)))
             }
             Texture::Wallpaper { ground, motif, kind } => wallpaper(x, y, ground, motif, kind),
             Texture::Leather(c) => {
@@ -169,22 +169,21 @@ impl Texture {
             Texture::Wicker { a, b } => wicker(x, y, a, b),
             Texture::Leaf { a, b } => leaf(at.uv, a, b),
             Texture::Glaze { base, band, kind } => glaze(at.uv, base, band, kind),
-            Texture::Toy { a, b, radius, kind } => toy(at.local, (a, b), radius, kind),
+            Texture::Toy { a, b, radius, kind } => toy(at.local, a, b, radius, kind),
             Texture::Printed(print) => prints::albedo(print, at),
         }
     }
 }
 
-fn wood(local: V3, base: V3, dark: V3, axis: usize) -> V3 {
-    let (along, a, b) =
-        (local.axis(axis), local.axis((axis + 1) % 3) + 0.31, local.axis((axis + 2) % 3) + 0.17);
+fn wood(local: Vec3, base: Vec3, dark: Vec3, axis: usize) -> Vec3 {
+    let (along, a, b) = (local[axis], local[(axis + 1) % 3] + 0.31, local[(axis + 2) % 3] + 0.17);
     let warp = noise(along * 2.5, a * 9.0 + b * 7.0, 71) * 0.05;
     let rings = ((a + warp).hypot(b * 0.6 + warp) * 190.0).sin() * 0.5 + 0.5;
     let fibre = noise(along * 10.0, a * 260.0 + b * 210.0, 72);
-    base.mix(dark, (0.6 * rings + 0.5 * fibre - 0.05).clamp(0.0, 1.0))
+    base.lerp(dark, (0.6 * rings + 0.5 * fibre - 0.05).clamp(0.0, 1.0))
 }
 
-fn planks(x: f32, y: f32, base: V3, dark: V3) -> V3 {
+fn planks(x: f32, y: f32, base: Vec3, dark: Vec3) -> Vec3 {
     const WIDTH: f32 = 0.14;
     const LENGTH: f32 = 1.3;
     let row = (y / WIDTH).floor();
@@ -195,30 +194,30 @@ fn planks(x: f32, y: f32, base: V3, dark: V3) -> V3 {
     let seam = step(0.0, 0.005, fy) * step(0.0, 0.005, fx);
     let offset = tone * 40.0;
     let grain = fractal(x * 4.0 + offset, y * 60.0 + offset, 83);
-    let color = base.mix(dark, (0.55 * grain + 0.5 * tone - 0.1).clamp(0.0, 1.0));
+    let color = base.lerp(dark, (0.55 * grain + 0.5 * tone - 0.1).clamp(0.0, 1.0));
     color * (0.45 + 0.55 * seam)
 }
 
-fn tiles(x: f32, y: f32, a: V3, b: V3) -> V3 {
+fn tiles(x: f32, y: f32, a: Vec3, b: Vec3) -> Vec3 {
     let (cx, cy) = (x.floor(), y.floor());
     let (fx, fy) = (x - cx, y - cy);
     let edge = fx.min(1.0 - fx).min(fy.min(1.0 - fy));
     let base = if (cx + cy) as i32 % 2 == 0 { a } else { b };
     let tone = 0.88 + 0.12 * hash(cx as i32, cy as i32, 91) + 0.08 * fractal(x * 4.0, y * 4.0, 92);
-    v(0.42, 0.4, 0.38).mix(base * tone, step(0.008, 0.022, edge))
+    vec3(0.42, 0.4, 0.38).lerp(base * tone, step(0.008, 0.022, edge))
 }
 
-fn plaid(x: f32, y: f32, ground: V3, band: V3) -> V3 {
+fn plaid(x: f32, y: f32, ground: Vec3, band: Vec3) -> Vec3 {
     let across = |t: f32| {
         let t = (t / 0.16).rem_euclid(1.0);
         0.45 * (step(0.3, 0.34, t) - step(0.62, 0.66, t))
             + 0.3 * (step(0.8, 0.82, t) - step(0.86, 0.88, t))
     };
-    ground.mix(band, (across(x) + across(y)).clamp(0.0, 1.0))
+    ground.lerp(band, (across(x) + across(y)).clamp(0.0, 1.0))
         * (0.9 + 0.14 * noise(x * 160.0, y * 160.0, 101))
 }
 
-fn wallpaper(x: f32, y: f32, ground: V3, motif: V3, kind: u32) -> V3 {
+fn wallpaper(x: f32, y: f32, ground: Vec3, motif: Vec3, kind: u32) -> Vec3 {
     let paper = 0.96 + 0.05 * fractal(x * 5.0, y * 5.0, 111);
     let amount = match kind % 4 {
         // Pairs of thin vertical stripes.
@@ -244,10 +243,10 @@ fn wallpaper(x: f32, y: f32, ground: V3, motif: V3, kind: u32) -> V3 {
         }
         _ => 0.0,
     };
-    ground.mix(motif, amount.clamp(0.0, 1.0)) * paper
+    ground.lerp(motif, amount.clamp(0.0, 1.0)) * paper
 }
 
-fn wicker(x: f32, y: f32, a: V3, b: V3) -> V3 {
+fn wicker(x: f32, y: f32, a: Vec3, b: Vec3) -> Vec3 {
     let (u, w) = (x / 0.03, y / 0.018);
     let over = (u.floor() + w.floor()) as i32 % 2 == 0;
     let bulge = ((u - u.floor()) * PI).sin() * 0.5 + ((w - w.floor()) * PI).sin() * 0.5;
@@ -255,15 +254,15 @@ fn wicker(x: f32, y: f32, a: V3, b: V3) -> V3 {
     strand * (0.35 + 0.65 * bulge) * (0.85 + 0.3 * hash(u as i32, w as i32, 121))
 }
 
-fn leaf([u, t]: [f32; 2], a: V3, b: V3) -> V3 {
+fn leaf([u, t]: [f32; 2], a: Vec3, b: Vec3) -> Vec3 {
     let across = (u - 0.5).abs();
     let rib = 1.0 - step(0.015, 0.05, across);
     let veins = (((t - across * 0.9) * 50.0).sin() * 0.5 + 0.5) * 0.35;
     let tone = noise(u * 6.0, t * 9.0, 131) * 0.4;
-    a.mix(b, (rib * 0.7 + veins + tone).clamp(0.0, 1.0))
+    a.lerp(b, (rib * 0.7 + veins + tone).clamp(0.0, 1.0))
 }
 
-fn glaze([u, t]: [f32; 2], base: V3, band: V3, kind: u32) -> V3 {
+fn glaze([u, t]: [f32; 2], base: Vec3, band: Vec3, kind: u32) -> Vec3 {
     let angle = u * TAU;
     let amount = match kind % 4 {
         0 => step(0.3, 0.32, t) - step(0.42, 0.44, t) + step(0.5, 0.51, t) - step(0.54, 0.55, t),
@@ -275,18 +274,18 @@ fn glaze([u, t]: [f32; 2], base: V3, band: V3, kind: u32) -> V3 {
         2 => step(-0.02, 0.02, t - 0.55 - 0.08 * (angle * 3.0).sin() - 0.05 * (angle * 7.0).cos()),
         _ => 0.0,
     };
-    base.mix(band, amount.clamp(0.0, 1.0)) * (0.9 + 0.12 * noise(u * 30.0, t * 30.0, 141))
+    base.lerp(band, amount.clamp(0.0, 1.0)) * (0.9 + 0.12 * noise(u * 30.0, t * 30.0, 141))
 }
 
-fn toy(local: V3, (a, b): (V3, V3), radius: f32, kind: u32) -> V3 {
-    let d = v(local.x, local.y, local.z - radius).unit();
+fn toy(local: Vec3, a: Vec3, b: Vec3, radius: f32, kind: u32) -> Vec3 {
+    let d = vec3(local.x, local.y, local.z - radius).normalize_or(Vec3::Z);
     match kind % 3 {
         // Beach ball: six sectors around a tilted axis.
         0 => {
             let sector = ((d.y.atan2(d.x + 0.3 * d.z) / FRAC_PI_3).floor() as i32).rem_euclid(6);
             match sector {
                 0 | 3 => a,
-                1 | 4 => v(0.85, 0.85, 0.82),
+                1 | 4 => vec3(0.85, 0.85, 0.82),
                 _ => b,
             }
         }
@@ -294,14 +293,14 @@ fn toy(local: V3, (a, b): (V3, V3), radius: f32, kind: u32) -> V3 {
         1 => {
             let seam = d.x.abs().min(d.y.abs()).min((d.x.abs() - 0.62 + 0.35 * d.y * d.y).abs());
             let pebble = 0.85 + 0.3 * noise3(d * 60.0, 151);
-            v(0.02, 0.02, 0.02).mix(a * pebble, step(0.018, 0.035, seam))
+            vec3(0.02, 0.02, 0.02).lerp(a * pebble, step(0.018, 0.035, seam))
         }
         // Football: dark patches around the twelve corners of an icosahedron.
         _ => {
             const P: f32 = 1.618;
             let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
             let corner = (y + P * z).max(x + P * y).max(z + P * x) / 1.902;
-            v(0.82, 0.82, 0.8).mix(v(0.03, 0.03, 0.04), step(0.93, 0.945, corner))
+            vec3(0.82, 0.82, 0.8).lerp(vec3(0.03, 0.03, 0.04), step(0.93, 0.945, corner))
         }
     }
 }

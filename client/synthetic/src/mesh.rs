@@ -1,16 +1,17 @@
-//! The scene as patches. A patch is a surface f(u, v) over the unit square: a grid of triangles to
-//! hit and a grid of light texels to bake. In: shape functions in an object's own frame (metres);
-//! out: [`Mesh`] in the world. It knows nothing of cameras or colors beyond carrying materials.
+//! The scene as patches. A patch is a surface f(u, v) over the unit square: a grid of triangles for
+//! rays and a grid of texels for baked light. Shapes are given in an object's own frame (metres); the
+//! [`Mesh`] is in the world.
 
 use crate::material::Material;
-use crate::vector::{Placement, V3};
+use crate::vector::Placement;
+use glam::Vec3;
 
 /// What a ray needs to know of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
-    pub corner: V3,
-    pub edge1: V3,
-    pub edge2: V3,
+    pub corner: Vec3,
+    pub edge1: Vec3,
+    pub edge2: Vec3,
 }
 
 /// What shading needs to know of a triangle: its patch, and (u, v) and unit normals at the corners.
@@ -18,7 +19,7 @@ pub(crate) struct Triangle {
 pub(crate) struct Facet {
     pub patch: u32,
     pub uv: [[f32; 2]; 3],
-    pub normals: [V3; 3],
+    pub normals: [Vec3; 3],
 }
 
 impl Facet {
@@ -32,9 +33,26 @@ impl Facet {
 
     /// Interpolated normal, unit length.
     #[inline(always)]
-    pub fn normal_at(&self, b1: f32, b2: f32) -> V3 {
-        (self.normals[0] * (1.0 - b1 - b2) + self.normals[1] * b1 + self.normals[2] * b2).unit()
+    pub fn normal_at(&self, b1: f32, b2: f32) -> Vec3 {
+        (self.normals[0] * (1.0 - b1 - b2) + self.normals[1] * b1 + self.normals[2] * b2)
+            .normalize_or(Vec3::Z)
     }
+}
+
+/// A point of a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Oriented {
+    /// Position, metres.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+}
+
+/// A corner of a triangle.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    at: Oriented,
+    uv: [f32; 2],
 }
 
 /// One surface: who it belongs to, what it is made of, and its light grid.
@@ -49,8 +67,8 @@ pub(crate) struct Patch {
     pub placement: Placement,
     /// Columns and rows of the light grid; texels lie on the corners of its cells.
     pub light: [usize; 2],
-    /// World position and unit normal of every texel, row by row.
-    pub texels: Vec<(V3, V3)>,
+    /// Every texel in the world, row by row.
+    pub texels: Vec<Oriented>,
 }
 
 /// All triangles of the scene; `triangles[i]` and `facets[i]` belong together.
@@ -87,12 +105,15 @@ pub(crate) fn light_grid(metres: [f32; 2], texel: f32) -> [usize; 2] {
 }
 
 impl Mesh {
-    /// Adds the surface `shape(u, v) -> (position, normal)` given in the object's frame.
-    pub fn add(&mut self, grid: &Grid, mut patch: Patch, shape: impl Fn(f32, f32) -> (V3, V3)) {
+    /// Adds the surface `shape(u, v)`, given in the object's frame.
+    pub fn add(&mut self, grid: &Grid, mut patch: Patch, shape: impl Fn(f32, f32) -> Oriented) {
         let placement = patch.placement;
         let place = |u: f32, v: f32| {
-            let (p, n) = shape(u, v);
-            (placement.point(p), placement.turn(n).unit())
+            let Oriented { position, normal } = shape(u, v);
+            Oriented {
+                position: placement.point(position),
+                normal: placement.turn(normal).normalize_or(Vec3::Z),
+            }
         };
         let index = self.patches.len() as u32;
         let columns = grid.us.len();
@@ -100,7 +121,7 @@ impl Mesh {
             .vs
             .iter()
             .flat_map(|&v| grid.us.iter().map(move |&u| (u, v)))
-            .map(|(u, v)| (place(u, v), [u, v]))
+            .map(|(u, v)| Corner { at: place(u, v), uv: [u, v] })
             .collect();
         for row in 0..grid.vs.len() - 1 {
             for column in 0..columns - 1 {
@@ -120,8 +141,8 @@ impl Mesh {
         self.patches.push(patch);
     }
 
-    fn triangle(&mut self, patch: u32, corners: [((V3, V3), [f32; 2]); 3]) {
-        let [((a, _), _), ((b, _), _), ((c, _), _)] = corners;
+    fn triangle(&mut self, patch: u32, corners: [Corner; 3]) {
+        let [a, b, c] = corners.map(|corner| corner.at.position);
         let (edge1, edge2) = (b - a, c - a);
         if edge1.cross(edge2).length() < 1e-12 {
             return;
@@ -129,14 +150,14 @@ impl Mesh {
         self.triangles.push(Triangle { corner: a, edge1, edge2 });
         self.facets.push(Facet {
             patch,
-            uv: corners.map(|(_, uv)| uv),
-            normals: corners.map(|((_, n), _)| n),
+            uv: corners.map(|corner| corner.uv),
+            normals: corners.map(|corner| corner.at.normal),
         });
     }
 
     /// Smallest and largest corner of the triangles of one instance.
-    pub fn bounds(&self, instance: u8) -> (V3, V3) {
-        let mut low = V3 { x: f32::MAX, y: f32::MAX, z: f32::MAX };
+    pub fn bounds(&self, instance: u8) -> (Vec3, Vec3) {
+        let mut low = Vec3 { x: f32::MAX, y: f32::MAX, z: f32::MAX };
         let mut high = -low;
         for (triangle, facet) in self.triangles.iter().zip(&self.facets) {
             if self.patches[facet.patch as usize].instance == instance {

@@ -1,7 +1,7 @@
 //! Hashes and value noise behind every texture. In: lattice integers or positions in texture units;
 //! out: numbers in 0..1, the same on every run. Not a random source for layout (that is `ChaCha8`).
 
-use crate::vector::V3;
+use glam::Vec3;
 
 /// A hash of three integers, uniform in 0..1.
 #[inline(always)]
@@ -33,7 +33,7 @@ pub(crate) fn noise(x: f32, y: f32, seed: u32) -> f32 {
 }
 
 /// Smooth value noise in space.
-pub(crate) fn noise3(p: V3, seed: u32) -> f32 {
+pub(crate) fn noise3(p: Vec3, seed: u32) -> f32 {
     let layer = p.z.floor();
     let t = ease(p.z - layer);
     let at = |k: f32| noise(p.x, p.y, seed ^ (layer + k) as i32 as u32);

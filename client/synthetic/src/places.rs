@@ -2,7 +2,8 @@
 //! out: placements that collide with nothing, or none. It builds nothing.
 
 use crate::dice::Dice;
-use crate::vector::{Placement, V3, v};
+use crate::vector::Placement;
+use glam::{Vec3, vec3};
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// A wall by the way it faces.
@@ -29,7 +30,7 @@ impl Rectangle {
 /// Free floor and walls of a room of the given size (x, y, height).
 #[derive(Clone, Debug)]
 pub(crate) struct Places {
-    pub size: V3,
+    pub size: Vec3,
     floor: Vec<Rectangle>,
     /// Per wall: rectangles (along the wall, height).
     walls: [Vec<Rectangle>; 4],
@@ -39,7 +40,7 @@ const TRIES: usize = 300;
 const GAP: f32 = 0.04;
 
 impl Places {
-    pub fn new(size: V3) -> Self {
+    pub fn new(size: Vec3) -> Self {
         Self { size, floor: Vec::new(), walls: Default::default() }
     }
 
@@ -51,9 +52,9 @@ impl Places {
     /// The frame at `along` metres from a wall's middle (to the right of its front), height `z`.
     pub fn on_wall(&self, wall: Wall, along: f32, z: f32) -> Placement {
         let yaw = [0.0, FRAC_PI_2, PI, -FRAC_PI_2][wall.0];
-        let turned = Placement::upright(V3::ZERO, yaw);
+        let turned = Placement::upright(Vec3::ZERO, yaw);
         let distance = if wall.0.is_multiple_of(2) { self.size.y } else { self.size.x } / 2.0;
-        let origin = turned.right * along - turned.front * distance + v(0.0, 0.0, z);
+        let origin = turned.right * along - turned.front * distance + vec3(0.0, 0.0, z);
         Placement { origin, ..turned }
     }
 
@@ -104,7 +105,7 @@ impl Places {
 
     fn try_wall(&mut self, wall: Wall, along: f32, [w, depth, h]: [f32; 3]) -> Option<Placement> {
         let wall_frame = self.on_wall(wall, along, 0.0);
-        let place = wall_frame.then(&Placement::upright(v(0.0, depth / 2.0 + 0.03, 0.0), 0.0));
+        let place = wall_frame.then(&Placement::upright(vec3(0.0, depth / 2.0 + 0.03, 0.0), 0.0));
         let ground = footprint(&place, [w, depth], 0.0);
         let cover = Rectangle { low: [along - w / 2.0, 0.0], high: [along + w / 2.0, h] };
         if self.floor.iter().any(|r| r.overlaps(&ground, GAP))
@@ -145,7 +146,7 @@ impl Places {
         for _ in 0..TRIES {
             let (hx, hy) = (self.size.x / 2.0 - width, self.size.y / 2.0 - width);
             let place = Placement::upright(
-                v(d.between(-hx, hx), d.between(-hy, hy), 0.0),
+                vec3(d.between(-hx, hx), d.between(-hy, hy), 0.0),
                 d.between(0.0, 2.0 * PI),
             );
             let ground = footprint(
@@ -165,7 +166,7 @@ impl Places {
 /// Bounding rectangle of a turned footprint.
 fn footprint(place: &Placement, [w, depth]: [f32; 2], margin: f32) -> Rectangle {
     let extent = |axis: usize| {
-        place.right.axis(axis).abs() * w / 2.0 + place.front.axis(axis).abs() * depth / 2.0 + margin
+        place.right[axis].abs() * w / 2.0 + place.front[axis].abs() * depth / 2.0 + margin
     };
     let (ex, ey) = (extent(0), extent(1));
     Rectangle {

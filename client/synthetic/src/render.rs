@@ -1,21 +1,22 @@
-//! Rendering a view: one ray through every pixel centre gives exact depth and instance ids; color
-//! is the mean of four samples per pixel, traced where an edge runs through the neighbourhood and
-//! taken from the hit surface elsewhere. In: camera, pose; out: [`View`].
+//! Rendering a view. One ray through each pixel centre gives exact depth and instance ids. Color is the
+//! mean of four samples per pixel: traced next to edges, taken from the hit surface elsewhere.
 
 use crate::bvh::{Hit, Ray, plane_hit};
 use crate::camera::{Camera, View};
 use crate::light::Baked;
+use crate::mesh::Oriented;
 use crate::scene::{Highlight, Scene};
 use crate::surface::SurfacePoint;
-use crate::vector::{V3, v};
+use crate::vector::luminance;
+use glam::{Vec3, vec3};
 use nalgebra::Isometry3;
 use rayon::prelude::*;
 
 /// Camera axes in the world, for rays.
 struct Eye<'a> {
     camera: &'a Camera,
-    origin: V3,
-    axes: [V3; 3],
+    origin: Vec3,
+    axes: [Vec3; 3],
 }
 
 impl<'a> Eye<'a> {
@@ -23,12 +24,12 @@ impl<'a> Eye<'a> {
         let rotation = pose.rotation.to_rotation_matrix();
         let column = |i: usize| {
             let c = rotation.matrix().column(i).into_owned();
-            v(c[0] as f32, c[1] as f32, c[2] as f32)
+            vec3(c[0] as f32, c[1] as f32, c[2] as f32)
         };
         let t = pose.translation.vector;
         Self {
             camera,
-            origin: v(t.x as f32, t.y as f32, t.z as f32),
+            origin: vec3(t.x as f32, t.y as f32, t.z as f32),
             axes: [column(0), column(1), column(2)],
         }
     }
@@ -68,7 +69,7 @@ pub(crate) fn render(scene: &Scene, camera: &Camera, pose: &Isometry3<f64>) -> V
         .with_min_len(width)
         .map(|i| {
             let edge = is_edge(scene, &hits, i, width);
-            let mut sum = V3::ZERO;
+            let mut sum = Vec3::ZERO;
             for (dx, dy) in SAMPLES {
                 let ray = eye.ray((i % width) as f32 + dx, (i / width) as f32 + dy);
                 let hit = match &hits[i] {
@@ -77,7 +78,7 @@ pub(crate) fn render(scene: &Scene, camera: &Camera, pose: &Isometry3<f64>) -> V
                     }
                     _ => scene.bvh.nearest(&mesh.triangles, &ray),
                 };
-                sum = sum + hit.map_or(V3::ZERO, |hit| display(shade(scene, baked, &ray, &hit)));
+                sum += hit.map_or(Vec3::ZERO, |hit| display(shade(scene, baked, &ray, &hit)));
             }
             encode(sum * 0.25)
         })
@@ -114,7 +115,7 @@ fn is_edge(scene: &Scene, hits: &[Option<Hit>], i: usize, width: usize) -> bool 
 }
 
 /// Radiance towards the eye, linear RGB.
-fn shade(scene: &Scene, baked: &Baked, ray: &Ray, hit: &Hit) -> V3 {
+fn shade(scene: &Scene, baked: &Baked, ray: &Ray, hit: &Hit) -> Vec3 {
     let facet = &scene.mesh.facets[hit.triangle as usize];
     let patch = &scene.mesh.patches[facet.patch as usize];
     let uv = facet.uv_at(hit.b1, hit.b2);
@@ -124,49 +125,45 @@ fn shade(scene: &Scene, baked: &Baked, ray: &Ray, hit: &Hit) -> V3 {
     let material = &patch.material;
     let albedo = material.texture.albedo(&at);
     let light = baked.at(&scene.mesh, facet.patch, uv);
-    let mut color = albedo.times(light) * std::f32::consts::FRAC_1_PI + albedo * material.glow;
+    let mut color = albedo * light * std::f32::consts::FRAC_1_PI + albedo * material.glow;
     if material.gloss > 0.0 {
         let normal = facet.normal_at(hit.b1, hit.b2);
-        let towards = -ray.direction.unit();
+        let towards = -ray.direction.normalize_or(Vec3::Z);
         let normal = if normal.dot(towards) < 0.0 { -normal } else { normal };
-        color = color + highlight(scene, material.gloss, (position, normal, towards), light);
+        color += highlight(scene, material.gloss, Oriented { position, normal }, towards, light);
     }
     color
 }
 
 /// Blinn–Phong highlights of the lights, and a grazing sheen of the room's mean light.
-fn highlight(
-    scene: &Scene,
-    gloss: f32,
-    (position, normal, towards): (V3, V3, V3),
-    light: V3,
-) -> V3 {
+fn highlight(scene: &Scene, gloss: f32, at: Oriented, towards: Vec3, light: Vec3) -> Vec3 {
+    let Oriented { position, normal } = at;
     let exponent = 12.0 + 110.0 * gloss * gloss;
-    let mut sum = V3::ZERO;
+    let mut sum = Vec3::ZERO;
     for Highlight { centre, power } in &scene.highlights {
         let way = *centre - position;
-        let half = (way.unit() + towards).unit();
+        let half = (way.normalize_or(Vec3::Z) + towards).normalize_or(Vec3::Z);
         let lobe = normal.dot(half).max(0.0).powf(exponent) * (exponent + 2.0) * 0.02;
-        sum = sum + *power * (lobe / way.dot(way).max(0.25));
+        sum += *power * (lobe / way.dot(way).max(0.25));
     }
     // The highlight is shadowed like the diffuse light at the same place.
-    let shadow = (light.luminance() * 0.4).min(1.0);
+    let shadow = (luminance(light) * 0.4).min(1.0);
     let grazing = (1.0 - normal.dot(towards).clamp(0.0, 1.0)).powi(5);
-    (sum * 0.12 * gloss + v(1.0, 1.0, 1.0) * (0.25 * gloss * grazing)) * shadow
+    (sum * 0.12 * gloss + Vec3::ONE * (0.25 * gloss * grazing)) * shadow
 }
 
 /// Tone curve: linear radiance to display-linear 0..1, with a soft shoulder.
-fn display(c: V3) -> V3 {
+fn display(c: Vec3) -> Vec3 {
     const EXPOSURE: f32 = 1.15;
     let curve = |x: f32| {
         let x = x.max(0.0) * EXPOSURE;
         if x < 0.6 { x } else { 0.6 + 0.4 * (1.0 - (-(x - 0.6) / 0.4).exp()) }
     };
-    v(curve(c.x), curve(c.y), curve(c.z))
+    vec3(curve(c.x), curve(c.y), curve(c.z))
 }
 
 /// Display-linear to sRGB bytes.
-fn encode(c: V3) -> [u8; 3] {
+fn encode(c: Vec3) -> [u8; 3] {
     [c.x, c.y, c.z].map(|x| {
         let s = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
         (s * 255.0 + 0.5).clamp(0.0, 255.0) as u8

@@ -6,7 +6,7 @@ use crate::mesh::Mesh;
 use crate::path::Loop;
 use crate::render::render;
 use crate::scene::Scene;
-use crate::vector::V3;
+use glam::Vec3;
 use nalgebra::Isometry3;
 
 /// An object in the room, or a part of the room itself such as a wall.
@@ -66,7 +66,7 @@ fn instances(mesh: &Mesh, classes: &[&'static str]) -> Vec<Instance> {
         let id = i as u8 + 1;
         let number = 1 + list.iter().filter(|other| other.class == class).count();
         let (low, high) = mesh.bounds(id);
-        let corner = |p: V3| [p.x, p.y, p.z].map(f64::from);
+        let corner = |p: Vec3| [p.x, p.y, p.z].map(f64::from);
         list.push(Instance {
             id,
             name: format!("{class}_{number}").replace(' ', "_"),

@@ -3,15 +3,15 @@
 use crate::bvh::Bvh;
 use crate::light::{Baked, Light};
 use crate::mesh::Mesh;
-use crate::vector::V3;
+use glam::Vec3;
 use std::sync::OnceLock;
 
 /// A light as the source of highlights.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Highlight {
-    pub centre: V3,
+    pub centre: Vec3,
     /// Irradiance at one metre, linear RGB.
-    pub power: V3,
+    pub power: Vec3,
 }
 
 /// Surfaces with light.

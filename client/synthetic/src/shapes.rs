@@ -3,8 +3,9 @@
 //! z up, front towards +y). Out: patches in a [`Mesh`] and the list of instances.
 
 use crate::material::Material;
-use crate::mesh::{Grid, Mesh, Patch, light_grid};
-use crate::vector::{Placement, V3, v};
+use crate::mesh::{Grid, Mesh, Oriented, Patch, light_grid};
+use crate::vector::{Placement, perpendicular};
+use glam::{Vec3, vec3};
 use std::f32::consts::TAU;
 
 /// Collects patches and instances.
@@ -52,7 +53,8 @@ impl Builder {
         self.placement = outer;
     }
 
-    fn patch(&mut self, grid: &Grid, material: Material, shape: impl Fn(f32, f32) -> (V3, V3)) {
+    /// Adds the surface `shape(u, v) -> (position, normal)` to the instance under construction.
+    fn patch(&mut self, grid: &Grid, material: Material, shape: impl Fn(f32, f32) -> (Vec3, Vec3)) {
         let patch = Patch {
             instance: self.instance,
             material,
@@ -61,26 +63,29 @@ impl Builder {
             light: grid.light,
             texels: Vec::new(),
         };
-        self.mesh.add(grid, patch, shape);
+        self.mesh.add(grid, patch, |u, v| {
+            let (position, normal) = shape(u, v);
+            Oriented { position, normal }
+        });
     }
 
     /// A flat parallelogram from `origin` along `eu` (u) and `ev` (v); its normal is `eu × ev`.
-    pub fn panel(&mut self, origin: V3, eu: V3, ev: V3, material: Material) {
+    pub fn panel(&mut self, origin: Vec3, eu: Vec3, ev: Vec3, material: Material) {
         let grid = Grid::even(1, 1, [eu.length(), ev.length()]);
-        let normal = eu.cross(ev).unit();
+        let normal = eu.cross(ev).normalize_or(Vec3::Z);
         self.patch(&grid, material, |a, b| (origin + eu * a + ev * b, normal));
     }
 
     /// Like [`Self::panel`], with light texels `texel` metres apart (for walls and floors).
-    pub fn plane(&mut self, [origin, eu, ev]: [V3; 3], texel: f32, material: Material) {
+    pub fn plane(&mut self, [origin, eu, ev]: [Vec3; 3], texel: f32, material: Material) {
         let metres = [eu.length(), ev.length()];
         let grid = Grid { light: light_grid(metres, texel), ..Grid::even(1, 1, metres) };
-        let normal = eu.cross(ev).unit();
+        let normal = eu.cross(ev).normalize_or(Vec3::Z);
         self.patch(&grid, material, |a, b| (origin + eu * a + ev * b, normal));
     }
 
     /// A box of full size `size` around `centre`, edges rounded with `radius`.
-    pub fn slab(&mut self, centre: V3, size: V3, radius: f32, material: Material) {
+    pub fn slab(&mut self, centre: Vec3, size: Vec3, radius: f32, material: Material) {
         let half = size * 0.5;
         let radius = radius.min(half.x.min(half.y).min(half.z));
         for axis in 0..3 {
@@ -88,7 +93,7 @@ impl Builder {
                 let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
                 // For the negative side u and v swap, so that the normal still points outwards.
                 let (a, b) = if sign > 0.0 { (a, b) } else { (b, a) };
-                let (ha, hb) = (half.axis(a), half.axis(b));
+                let (ha, hb) = (half[a], half[b]);
                 let grid = Grid {
                     us: bevelled(ha, radius),
                     vs: bevelled(hb, radius),
@@ -97,7 +102,7 @@ impl Builder {
                 let inner = [half.x - radius, half.y - radius, half.z - radius];
                 self.patch(&grid, material, |s, t| {
                     let mut p = [0.0; 3];
-                    p[axis] = sign * half.axis(axis);
+                    p[axis] = sign * half[axis];
                     p[a] = (2.0 * s - 1.0) * ha;
                     p[b] = (2.0 * t - 1.0) * hb;
                     let mut flat = [0.0; 3];
@@ -110,7 +115,7 @@ impl Builder {
 
     /// A surface of revolution about the vertical through `base`: `profile` lists (radius, height).
     /// Outer surfaces go upwards. Sharp corners of the profile stay sharp.
-    pub fn lathe(&mut self, base: V3, profile: &[(f32, f32)], material: Material) {
+    pub fn lathe(&mut self, base: Vec3, profile: &[(f32, f32)], material: Material) {
         let mut start = 0;
         for end in 1..profile.len() {
             let last = end == profile.len() - 1;
@@ -121,7 +126,7 @@ impl Builder {
         }
     }
 
-    fn lathe_run(&mut self, base: V3, run: &[(f32, f32)], material: Material) {
+    fn lathe_run(&mut self, base: Vec3, run: &[(f32, f32)], material: Material) {
         let lengths: Vec<f32> =
             run.windows(2).map(|w| (w[1].0 - w[0].0).hypot(w[1].1 - w[0].1)).collect();
         let total: f32 = lengths.iter().sum();
@@ -144,18 +149,18 @@ impl Builder {
             let (r, z) = blend(run[i], run[i + 1]);
             let (nr, nz) = blend(normals[i], normals[i + 1]);
             let (s, c) = (u * TAU).sin_cos();
-            (base + v(r * c, r * s, z), v(nr * c, nr * s, nz))
+            (base + vec3(r * c, r * s, z), vec3(nr * c, nr * s, nz))
         });
     }
 
     /// An upright closed cylinder standing on `base`.
-    pub fn cylinder(&mut self, base: V3, radius: f32, height: f32, material: Material) {
+    pub fn cylinder(&mut self, base: Vec3, radius: f32, height: f32, material: Material) {
         let profile = [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)];
         self.lathe(base, &profile, material);
     }
 
     /// A round tube along `points`.
-    pub fn tube(&mut self, points: &[V3], radius: f32, material: Material) {
+    pub fn tube(&mut self, points: &[Vec3], radius: f32, material: Material) {
         let n = points.len() - 1;
         let length: f32 = points.windows(2).map(|w| (w[1] - w[0]).length()).sum();
         let sides = if radius > 0.02 { 12 } else { 8 };
@@ -164,13 +169,17 @@ impl Builder {
         let at = |t: f32| {
             let i = ((t * n as f32) as usize).min(n - 1);
             let f = t * n as f32 - i as f32;
-            let tangent = |k: usize| (points[(k + 1).min(n)] - points[k.max(1) - 1]).unit();
-            (points[i].mix(points[i + 1], f), tangent(i).mix(tangent(i + 1), f).unit())
+            let tangent =
+                |k: usize| (points[(k + 1).min(n)] - points[k.max(1) - 1]).normalize_or(Vec3::Z);
+            (
+                points[i].lerp(points[i + 1], f),
+                tangent(i).lerp(tangent(i + 1), f).normalize_or(Vec3::Z),
+            )
         };
-        let side = at(0.0).1.perpendicular();
+        let side = perpendicular(at(0.0).1);
         self.patch(&grid, material, |u, t| {
             let (centre, along) = at(t);
-            let x = (side - along * side.dot(along)).unit();
+            let x = (side - along * side.dot(along)).normalize_or(Vec3::Z);
             let y = along.cross(x);
             let (s, c) = (u * TAU).sin_cos();
             let out = x * c + y * s;
@@ -179,7 +188,7 @@ impl Builder {
     }
 
     /// An ellipsoid with half axes `radii`.
-    pub fn ball(&mut self, centre: V3, radii: V3, material: Material) {
+    pub fn ball(&mut self, centre: Vec3, radii: Vec3, material: Material) {
         let widest = radii.x.max(radii.y).max(radii.z);
         let n = (widest * 80.0).clamp(8.0, 20.0) as usize;
         let metres = [widest * TAU, widest * TAU / 2.0];
@@ -188,8 +197,8 @@ impl Builder {
         self.patch(&grid, material, |u, t| {
             let (s, c) = (u * TAU).sin_cos();
             let (st, ct) = ((t - 0.5) * TAU / 2.0).sin_cos();
-            let d = v(c * ct, s * ct, st);
-            (centre + d.times(radii), v(d.x / radii.x, d.y / radii.y, d.z / radii.z))
+            let d = vec3(c * ct, s * ct, st);
+            (centre + d * radii, vec3(d.x / radii.x, d.y / radii.y, d.z / radii.z))
         });
     }
 
@@ -201,7 +210,7 @@ impl Builder {
             Grid { us: lines(SIDES), vs: lines(1), light: [2, 2], metres: [2.0 * radius; 2] };
         self.patch(&grid, material, |u, t| {
             let (s, c) = (u * TAU).sin_cos();
-            (v(-c * t * radius, 0.0, s * t * radius), v(0.0, 1.0, 0.0))
+            (vec3(-c * t * radius, 0.0, s * t * radius), vec3(0.0, 1.0, 0.0))
         });
         // The grid is polar, prints are not: move every corner to its place in the square.
         let patch = self.mesh.patches.len() as u32 - 1;
@@ -214,21 +223,21 @@ impl Builder {
     }
 
     /// A free surface; normals come from differences (`∂u × ∂v`).
-    pub fn sheet(&mut self, grid: &Grid, material: Material, shape: impl Fn(f32, f32) -> V3) {
+    pub fn sheet(&mut self, grid: &Grid, material: Material, shape: impl Fn(f32, f32) -> Vec3) {
         self.patch(grid, material, |u, t| {
             const H: f32 = 0.01;
             let du = shape(u + H, t) - shape(u - H, t);
             let dv = shape(u, t + H) - shape(u, t - H);
-            (shape(u, t), du.cross(dv).unit())
+            (shape(u, t), du.cross(dv).normalize_or(Vec3::Z))
         });
     }
 }
 
 /// A surface point before it is moved to the box's centre.
-struct Rounded(V3, V3);
+struct Rounded(Vec3, Vec3);
 
 impl Rounded {
-    fn map_position(self, centre: V3) -> (V3, V3) {
+    fn map_position(self, centre: Vec3) -> (Vec3, Vec3) {
         (self.0 + centre, self.1)
     }
 }
@@ -236,11 +245,11 @@ impl Rounded {
 /// Moves a point of a cube's face onto the box with rounded edges.
 fn rounded(p: [f32; 3], inner: [f32; 3], radius: f32, flat: [f32; 3]) -> Rounded {
     let q: [f32; 3] = std::array::from_fn(|i| p[i].clamp(-inner[i], inner[i]));
-    let as_v = |a: [f32; 3]| v(a[0], a[1], a[2]);
+    let as_v = |a: [f32; 3]| vec3(a[0], a[1], a[2]);
     if radius <= 0.0 {
         return Rounded(as_v(p), as_v(flat));
     }
-    let normal = (as_v(p) - as_v(q)).unit();
+    let normal = (as_v(p) - as_v(q)).normalize_or(Vec3::Z);
     Rounded(as_v(q) + normal * radius, normal)
 }
 

@@ -1,6 +1,6 @@
 //! A point on a surface, in the coordinates that textures depend on.
 
-use crate::vector::V3;
+use glam::Vec3;
 
 /// A point on a surface.
 #[derive(Clone, Copy, Debug)]
@@ -10,5 +10,5 @@ pub(crate) struct SurfacePoint {
     /// Surface coordinates in metres.
     pub metres: [f32; 2],
     /// Position in the object's frame, metres.
-    pub local: V3,
+    pub local: Vec3,
 }

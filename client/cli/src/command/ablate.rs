@@ -1,8 +1,8 @@
-//! `lexsplat ablate`: the paper's ablations on one data set, each variant on a server of its own. Progress
-//! on standard error, one table on standard output, every variant's full report in a folder.
+//! `lexsplat ablate`: the paper's ablations on one data set, each variant on its own server. Progress goes
+//! to standard error, one table to standard output, the full report of every variant to a folder.
 //!
-//! A variant is the default with some settings changed; beside the default they are all measured in
-//! one run, so that their differences mean something on a machine whose speed does not stay the same.
+//! A variant is the default with some settings changed. All variants are measured in one run, so that
+//! their times can be compared even if the speed of the machine changes from day to day.
 
 use super::measure::{measure_own, write};
 use crate::dataset::DatasetSpec;
@@ -50,7 +50,7 @@ pub struct Ablate {
 /// The default with some settings changed.
 struct Variant {
     name: &'static str,
-    /// What it shows.
+    /// Description for the table.
     about: &'static str,
     /// (`LEXSPLAT__SECTION__KEY` without the prefix, value).
     settings: &'static [(&'static str, &'static str)],
@@ -61,7 +61,7 @@ const ROTATION: (&str, &str) = ("MAPPER__TIES__ROTATION", "true");
 const SCALE: (&str, &str) = ("MAPPER__TIES__SCALE", "true");
 const OPACITY: (&str, &str) = ("MAPPER__TIES__OPACITY", "true");
 
-/// What is measured, in the order of the table.
+/// All variants, in the order of the table.
 const VARIANTS: [Variant; 12] = [
     Variant::oracle("disentangled", "the default: each head has its own shape", &[]),
     Variant::oracle("joint", "one shape for color and language", &[ROTATION, SCALE, OPACITY]),

@@ -11,12 +11,12 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The synthetic rooms' first seed, if no data set is named: no two robots are in the same room.
+/// Seed of the first robot's synthetic room; every robot has another one.
 const FIRST_SEED: u64 = 100;
-/// Things that are in rooms.
+/// Objects in the rooms.
 const TEXTS: &str = "chair,table,lamp,book,cup";
 
-/// Put load on a server: how long do frames and answers take?
+/// Put load on a server and measure the latency of frames and queries
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
                         lexsplat bench --streams 2 --queries-per-second 5 --seconds 30\n  \
@@ -25,31 +25,31 @@ pub struct Bench {
     /// Robots, each with a map of its own
     #[arg(long, value_name = "N", default_value = "1")]
     streams: NonZeroUsize,
-    /// Questions per second over all maps, about views and space in turn; 0 asks nothing
+    /// Queries per second over all maps, about views and the whole map in turn; 0: none
     #[arg(long, value_name = "Q", default_value_t = 2.0)]
     queries_per_second: f64,
-    /// How long
+    /// Duration of the load, seconds
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     seconds: f64,
     /// Frames per second of each robot
     #[arg(long, value_name = "F", default_value_t = 10.0)]
     frames_per_second: f64,
-    /// What every robot sends; without it each has a synthetic room of its own
+    /// Data set that every robot sends; without it each has its own synthetic room
     #[arg(long, value_name = "KIND:PATH")]
     dataset: Option<DatasetSpec>,
     /// Frames of the data set that are used, back and forth
     #[arg(long, value_name = "N", default_value_t = 120)]
     frames: usize,
-    /// What is asked, in turn
+    /// Query texts, used in turn
     #[arg(long, value_name = "WORDS", value_delimiter = ',', default_value = TEXTS)]
     texts: Vec<String>,
     /// The server's gRPC address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:50051")]
     grpc: String,
-    /// Where the server answers HTTP
+    /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
-    /// Write the report there, too
+    /// Also write the report to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -1,5 +1,5 @@
-//! `lexsplat evaluate`: measures a data set on a server of its own, or on one that runs. Progress on
-//! standard error, a table on standard output, report and pictures in a folder.
+//! `lexsplat evaluate`: measures a data set on its own server or on a running one. Progress goes to standard
+//! error, a table to standard output, report and images to a folder.
 
 use super::measure::{measure, measure_own, write};
 use crate::choices::{Encoder, Poses};
@@ -14,7 +14,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Measure speed, trajectory, pictures and words on a data set, beside the paper's figures
+/// Measure speed, trajectory, views and language on a data set, beside the paper's figures
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  lexsplat evaluate --dataset replica:room0 --language --out room0-report\n  \
@@ -30,10 +30,10 @@ pub struct Evaluate {
     /// Where the map's poses come from
     #[arg(long, value_enum, default_value_t = Poses::Given)]
     poses: Poses,
-    /// Where language comes from: "oracle" gives the true classes' names, to measure what the map loses
+    /// Where language comes from; "oracle" uses the true classes' names, to measure the loss of the map
     #[arg(long, value_enum, default_value_t = Encoder::Bundle)]
     encoder: Encoder,
-    /// Every K-th frame is tracked and never a keyframe, and pictures are scored on these; 0: none is
+    /// Hold out every K-th frame: tracked, never a keyframe, and scored; 0: none
     #[arg(long, value_name = "K", default_value_t = 8)]
     held_out: usize,
     /// Only the first N frames (after --stride)
@@ -42,14 +42,14 @@ pub struct Evaluate {
     /// Use every K-th frame
     #[arg(long, value_name = "K", default_value = "1")]
     stride: NonZeroUsize,
-    /// Go through them there and back, N times in all: a long walk through what is known
+    /// Go through the frames N times, forwards and backwards: a long walk through a known scene
     #[arg(long, value_name = "N", default_value = "1")]
     passes: NonZeroUsize,
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
-    /// Score pictures with LPIPS as well, by this network: ONNX, two pictures [1, 3, height, width] in -1..1 in,
-    /// one number out; ORT_DYLIB_PATH names ONNX Runtime's library
+    /// Score views with LPIPS by this ONNX network: in two images [1, 3, height, width] in -1..1, out one
+    /// number; ORT_DYLIB_PATH names ONNX Runtime's library
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
     /// Folder for report.json, report.md, plots, pictures and server.log; made if missing

@@ -20,10 +20,10 @@ pub struct Export {
     /// Mesh: side of a voxel, metres (the server's default is 0.02)
     #[arg(long, value_name = "METRES")]
     voxel: Option<f32>,
-    /// Mesh: words, whose relevancy becomes a property of the vertices
+    /// Mesh: a text; its relevancy becomes a property of the vertices
     #[arg(long, value_name = "WORDS")]
     text: Option<String>,
-    /// Where the server answers HTTP
+    /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
     /// The file to write; an old one is replaced
@@ -49,7 +49,7 @@ enum Format {
 }
 
 impl Format {
-    /// What the server calls it; none for what it has a route of its own for.
+    /// Name of the file in the export route; `None` if the server has a separate route.
     fn file(self) -> Option<&'static str> {
         match self {
             Self::Ply => Some("splats.ply"),
@@ -97,7 +97,7 @@ async fn download(
     Ok(bytes?)
 }
 
-/// Writes beside the file first, so that there is never half of one.
+/// Writes to a temporary file beside it first, so that the file is always complete.
 fn save(file: &Path, bytes: &[u8]) -> Result<()> {
     let mut part = file.to_path_buf().into_os_string();
     part.push(".part");

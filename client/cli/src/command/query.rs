@@ -11,23 +11,23 @@ use lexsplat_client::http::{
 use lexsplat_evaluate::table::{Column, table};
 use std::path::{Path, PathBuf};
 
-/// Ask a map where something is, or which of several things is what
+/// Ask a map where something is, or label it with several texts
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat query 'coffee cup' --map kitchen\n  \
                         lexsplat query 'coffee cup' --map kitchen --frame 120 --out cup\n  \
                         lexsplat query chair table floor --map kitchen --frame 120\n  \
                         lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool")]
 pub struct Query {
-    /// What is looked for, in plain words; several are compared with each other
+    /// The object to find, in plain words; several texts are compared with each other
     #[arg(required = true, value_name = "TEXT")]
     texts: Vec<String>,
     /// The map
     #[arg(long, value_name = "NAME")]
     map: String,
-    /// Ask about the view of this tracked frame; without it about the whole space
+    /// Ask about the view of this tracked frame instead of the whole map
     #[arg(long, value_name = "SEQUENCE")]
     frame: Option<u64>,
-    /// What it is not, instead of the server's own words; may be given several times
+    /// Negative text, instead of the server's own; may be given several times
     #[arg(long = "not", value_name = "WORDS")]
     negatives: Vec<String>,
     /// Relevancy above which something counts, 0 to 1
@@ -36,13 +36,13 @@ pub struct Query {
     /// Objects nearest to this point first, metres
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     near: Option<[f32; 3]>,
-    /// Only what is in this box: its least corner, then its greatest, metres
+    /// Only inside this box: smallest corner, then largest, metres
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     within: Option<[f32; 6]>,
     /// Folder for heatmap.png, overlay.png, heatmap.npy and points.ply; made if missing
     #[arg(long, value_name = "DIR", default_value = "query-out")]
     out: PathBuf,
-    /// Where the server answers HTTP
+    /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
     /// Print the server's answer as JSON instead

@@ -10,7 +10,7 @@ use lexsplat_client::stream::{StreamOptions, Summary, stream};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-/// Stream a data set to a server; what the map has seen already is not sent again
+/// Stream a data set to a server; frames that the map has already are not sent again
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat stream --dataset synthetic:7\n  \
                         lexsplat stream --dataset replica:room0 --map room0 --stride 2\n  \
@@ -19,7 +19,7 @@ pub struct Stream {
     /// replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED]
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
-    /// Map to make or go on with; the data set's name if not given
+    /// Map to create or resume; the data set's name if not given
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
     /// Where poses come from

@@ -1,5 +1,4 @@
-//! Plots are drawn into an RGB picture with an 8x8 bitmap font: no font file, no system library.
-//! In: what plotters draws, pixel by pixel and word by word. Out: the picture.
+//! A drawing backend for plotters: an RGB image, with an 8x8 bitmap font instead of a font file.
 
 use font8x8::{BASIC_FONTS, UnicodeFonts as _};
 use image::{Rgb, RgbImage};
@@ -12,12 +11,12 @@ use std::convert::Infallible;
 /// Side of the font's letters, pixels.
 const LETTER: i32 = 8;
 
-/// A picture to draw on.
+/// An image to draw on.
 pub(super) struct Canvas<'a>(pub &'a mut RgbImage);
 
 type Done = Result<(), DrawingErrorKind<Infallible>>;
 
-/// How many times the letters are enlarged for a font size in pixels.
+/// Enlargement of the letters for a font size in pixels.
 fn enlarged(size: f64) -> i32 {
     (size / f64::from(LETTER)).round().max(1.0) as i32
 }
@@ -70,7 +69,7 @@ impl DrawingBackend for Canvas<'_> {
             VPos::Bottom => -height,
         };
         for (at, letter) in text.chars().enumerate() {
-            // What the font does not know is a gap.
+            // Letters that the font lacks are blank.
             let glyph = BASIC_FONTS.get(letter).unwrap_or_default();
             for y in 0..height {
                 for x in 0..LETTER * scale {

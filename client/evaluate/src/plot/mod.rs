@@ -1,4 +1,4 @@
-//! Plots of an evaluation. In: trajectories, scores, stages. Out: RGB pictures of [`SIZE`] pixels.
+//! Plots of an evaluation, as RGB images of [`SIZE`] pixels.
 
 mod canvas;
 
@@ -18,7 +18,7 @@ use std::ops::Range;
 /// Columns and rows.
 pub const SIZE: (u32, u32) = (1200, 700);
 const FONT: (&str, i32) = ("8x8", 16);
-/// Around a plot; left of it, where numbers stand; below it; above it, where the title stands.
+/// Space around a plot, left of it for numbers, below it and above it for the title, pixels.
 const MARGIN: u32 = 20;
 const LEFT: u32 = 110;
 const BELOW: u32 = 60;
@@ -30,9 +30,8 @@ const KEYFRAME: RGBColor = RGBColor(40, 90, 200);
 type Error = DrawingAreaErrorKind<Infallible>;
 type Chart<'a, 'b> = ChartContext<'a, Canvas<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// The aligned estimate and the truth from above; none if there are not two frames.
-///
-/// Above is where the cameras' upper edges point to on average.
+/// The aligned estimate and the truth from above; `None` for less than two frames. Up is the mean
+/// direction of the cameras' upper edges.
 pub fn trajectory(pairs: &[[StampedPose; 2]]) -> Option<RgbImage> {
     if pairs.len() < 2 {
         return None;
@@ -61,12 +60,12 @@ pub fn trajectory(pairs: &[[StampedPose; 2]]) -> Option<RgbImage> {
     }))
 }
 
-/// Two directions of the ground: right and ahead, seen from above.
+/// Two directions of the ground plane: right and ahead, seen from above.
 fn ground(pairs: &[[StampedPose; 2]]) -> [Vector3<f64>; 2] {
     let up = |[_, truth]: &[StampedPose; 2]| truth.world_from_camera.rotation * -Vector3::y();
     let mean: Vector3<f64> = pairs.iter().map(up).sum();
     let up = Unit::try_new(mean, 1e-9).unwrap_or_else(Vector3::z_axis);
-    // The world's axis that is least upright is the picture's right.
+    // The world axis that is closest to the ground plane points to the right.
     let axis = [Vector3::x(), Vector3::y(), Vector3::z()]
         .into_iter()
         .min_by(|a, b| a.dot(&up).abs().total_cmp(&b.dot(&up).abs()))
@@ -75,7 +74,7 @@ fn ground(pairs: &[[StampedPose; 2]]) -> [Vector3<f64>; 2] {
     [right, up.cross(&right)]
 }
 
-/// Ranges that hold all points, with as many pixels to a metre along both axes.
+/// Ranges that contain all points, with equal scale on both axes.
 fn equal_scales<'a>(points: impl Iterator<Item = &'a (f64, f64)> + Clone) -> [Range<f64>; 2] {
     let (width, height) =
         (f64::from(SIZE.0 - LEFT - 2 * MARGIN), f64::from(SIZE.1 - BELOW - ABOVE - 2 * MARGIN));
@@ -89,7 +88,7 @@ fn equal_scales<'a>(points: impl Iterator<Item = &'a (f64, f64)> + Clone) -> [Ra
     [around(x, width), around(y, height)]
 }
 
-/// From the least to the greatest, never nothing.
+/// The range of finite values, never empty.
 fn extent(values: impl Iterator<Item = f64>) -> Range<f64> {
     let finite = values.filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
@@ -101,7 +100,7 @@ fn extent(values: impl Iterator<Item = f64>) -> Range<f64> {
     middle - half..middle + half
 }
 
-/// PSNR of the rendered frames over their numbers; none if none was rendered.
+/// PSNR of the rendered views over frame numbers; `None` if there are none.
 pub fn psnr(views: &[ViewScore]) -> Option<RgbImage> {
     let points = |keyframe: bool| -> Vec<(f64, f64)> {
         let own = views.iter().filter(|view| view.keyframe == keyframe && view.psnr_db.is_finite());
@@ -130,8 +129,8 @@ pub fn psnr(views: &[ViewScore]) -> Option<RgbImage> {
     }))
 }
 
-/// Milliseconds of each stage per frame as bars; none if there are no stages. What a frame takes with
-/// waiting in the queue is no stage and would dwarf them.
+/// Milliseconds per frame of each stage, as bars; `None` if there are no stages. The time of a frame with
+/// its wait in the queue is left out: it would dwarf the others.
 pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage> {
     let per_frame = |stage: &Stage| stage.seconds * 1e3 / frames.max(1) as f64;
     let worked = stages.iter().rev().filter(|(name, _)| *name != WITH_WAITING);
@@ -162,8 +161,9 @@ pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage>
     }))
 }
 
-/// Share of what is there over confidence: bins as dots (larger: more answers), the fit's in blue; none
-/// without answers. On the grey line confidences are what they say.
+/// The reliability diagram: share of objects that are there over confidence, a dot for each bin (larger
+/// for more answers), in blue after the fit. On the grey line the calibration is perfect. `None`
+/// without answers.
 pub fn reliability(presence: &Presence) -> Option<RgbImage> {
     let bins = &presence.reliability.bins;
     if bins.is_empty() {
@@ -197,7 +197,7 @@ pub fn reliability(presence: &Presence) -> Option<RgbImage> {
     }))
 }
 
-/// A chart with a title on a white ground.
+/// A chart with a title on a white background.
 fn drawn(
     title: &str,
     x: Range<f64>,

@@ -49,7 +49,7 @@ fn example_presence() -> Presence {
     )
 }
 
-/// A report with something everywhere.
+/// A report with a value in every field.
 pub fn example_report() -> Report {
     let scene = LabelMeans {
         share: 0.06,

@@ -2,26 +2,26 @@
 
 use serde::Serialize;
 
-/// What the paper says of its own runs: means over the Replica scenes of vMAP, tracked poses.
+/// Figures of the paper's own runs: means over the Replica scenes of vMAP, tracked poses.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Paper {
-    /// Table 1.
+    /// Mean IoU (table 1).
     pub miou: f64,
-    /// Table 1.
+    /// Localisation accuracy (table 1).
     pub loc_accuracy: f64,
-    /// Supplement, 3D localisation, failures left out, metres.
+    /// Chamfer distance without failures, metres (supplement, 3D localisation).
     pub chamfer_m: f64,
-    /// The same; of pairs that are not one to one.
+    /// Earth mover's distance without failures, metres; its pairs are not one to one.
     pub emd_m: f64,
-    /// Rendering.
+    /// PSNR, decibels.
     pub psnr_db: f64,
-    /// Rendering.
+    /// SSIM.
     pub ssim: f64,
-    /// Rendering, AlexNet.
+    /// LPIPS (AlexNet).
     pub lpips: f64,
-    /// Tracking.
+    /// Trajectory error (RMSE), centimetres.
     pub ate_rmse_cm: f64,
-    /// On one large GPU, least and most.
+    /// Minimum and maximum seconds per frame, on one large GPU.
     pub seconds_per_frame: [f64; 2],
 }
 

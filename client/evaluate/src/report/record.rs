@@ -16,94 +16,94 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 
-/// Every number. Those at the top are the ones to compare runs by.
+/// Every number of an evaluation. The first ones serve to compare runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// The data set's name.
+    /// Name of the data set.
     pub dataset: String,
-    /// Columns and rows of its frames.
+    /// Columns and rows of the frames.
     pub frame_size: [u32; 2],
     /// "given" or "estimate".
     pub poses: &'static str,
     /// "bundle" (the server's networks) or "oracle" (the true classes' names).
     pub encoder: &'static str,
-    /// Every so many frames one was only tracked, if so.
+    /// N if every N-th frame was held out.
     pub hold_out_every: Option<usize>,
-    /// What the server renders on.
+    /// Graphics adapter of the server.
     pub adapter: String,
-    /// Its networks.
+    /// Bundle of networks of the server.
     pub bundle: String,
-    /// Its version.
+    /// Version of the server.
     pub version: String,
-    /// Frames sent.
+    /// Number of frames sent.
     pub frames: u64,
-    /// Of those, with a pose.
+    /// Number of frames with a pose.
     pub frames_tracked: u64,
-    /// Of those, without.
+    /// Number of frames without a pose.
     pub frames_lost: u64,
-    /// Of those, refused.
+    /// Number of frames that the server refused.
     pub frames_refused: u64,
-    /// Frames over the time from the stream's opening to the last acknowledgement, language on.
+    /// Frames per second from the opening of the stream to the last acknowledgement, with language.
     pub fps: f64,
-    /// The inverse.
+    /// Inverse of `fps`.
     pub seconds_per_frame: f64,
-    /// From the last acknowledgement until the map had done its work.
+    /// Seconds from the last acknowledgement until the map was settled.
     pub settle_seconds: f64,
-    /// Streaming and settling over frames.
+    /// Seconds of streaming and settling per frame.
     pub seconds_per_frame_settled: f64,
-    /// Keyframes.
+    /// Number of keyframes.
     pub keyframes: u64,
-    /// Gaussians of the settled map.
+    /// Number of Gaussians in the settled map.
     pub gaussians: u64,
-    /// Device memory of the Gaussians.
+    /// Device memory of the Gaussians, bytes.
     pub gpu_bytes: u64,
-    /// Memory of the keyframes' pictures and codes, the device's too.
+    /// Memory of the keyframes' images and codes, on the host and the device, bytes.
     pub keyframe_bytes: u64,
-    /// The most memory that the server's process had.
+    /// Peak resident memory of the server, bytes.
     pub peak_rss_bytes: Option<u64>,
-    /// Of the trajectory after rigid alignment.
+    /// Trajectory error (RMSE) after rigid alignment, centimetres.
     pub ate_rmse_cm: Option<f64>,
-    /// Of the held-out views.
+    /// Mean PSNR of the held-out views, decibels.
     pub psnr_db: Option<f64>,
-    /// Of the held-out views.
+    /// Mean SSIM of the held-out views.
     pub ssim: Option<f64>,
-    /// Of the held-out views, if there was a network for it.
+    /// Mean LPIPS of the held-out views, if there was a network.
     pub lpips: Option<f64>,
-    /// Of the held-out views.
+    /// Mean depth error of the held-out views, metres.
     pub depth_l1_m: Option<f64>,
-    /// At 0.5 with smoothing, mean over frames.
+    /// Mean IoU at 0.5 with smoothing.
     pub miou: Option<f64>,
-    /// Peaks in a box of the label.
+    /// Share of peaks in a box of the label.
     pub loc_accuracy: Option<f64>,
-    /// Of the 3D answers, mean over labels, metres.
+    /// Mean Chamfer distance of the 3D answers, metres.
     pub chamfer_m: Option<f64>,
-    /// Of the 3D answers, mean over labels, metres.
+    /// Mean earth mover's distance of the 3D answers, metres.
     pub emd_m: Option<f64>,
-    /// Share of absent nouns of which the server says so.
+    /// Share of absent nouns that the server reports as absent.
     pub absent_accuracy: Option<f64>,
     /// The trajectory in detail.
     pub ate: Option<Ate>,
-    /// Frames that nothing was optimised for.
+    /// Means over views that the map was not optimised for.
     pub held_out: ViewMeans,
-    /// Frames that the map was optimised for.
+    /// Means over views that the map was optimised for.
     pub keyframe_views: ViewMeans,
-    /// Words in views.
+    /// Queries about frames.
     pub language: Option<Language>,
-    /// Words in space.
+    /// Queries about the whole map.
     pub space: Option<Space>,
-    /// Words that are there, and that are not.
+    /// Presence and absence.
     pub presence: Option<Presence>,
-    /// By name, from the stream's opening until the map was settled.
+    /// Stages by name, from the opening of the stream until the map was settled.
     pub stages: BTreeMap<String, Stage>,
-    /// The server's settings as TOML, if they are known.
+    /// Settings of the server as TOML, if they are known.
     pub config: Option<String>,
-    /// What the paper says.
+    /// The paper's figures.
     pub paper: Paper,
-    /// Every rendered frame.
+    /// Scores of every rendered view.
     pub views: Vec<ViewScore>,
 }
 
-/// What a report is made of.
+/// The results that a report is made of.
 pub(crate) struct Measured<'a> {
     pub dataset: &'a dyn Dataset,
     pub options: Options,
@@ -135,15 +135,9 @@ impl Report {
         Self {
             dataset: dataset.name().to_owned(),
             frame_size: [camera.width, camera.height],
-            encoder: match measured.options.encoder {
-                Encoder::Bundle => "bundle",
-                Encoder::Oracle => "oracle",
-            },
+            encoder: encoder_name(measured.options.encoder),
             hold_out_every: measured.options.hold_out_every.map(NonZeroUsize::get),
-            poses: match measured.options.poses {
-                Poses::Given => "given",
-                Poses::Estimate => "estimate",
-            },
+            poses: poses_name(measured.options.poses),
             adapter: health.adapter,
             bundle: health.bundle,
             version: health.version,
@@ -181,6 +175,20 @@ impl Report {
             paper: PAPER,
             views,
         }
+    }
+}
+
+fn encoder_name(encoder: Encoder) -> &'static str {
+    match encoder {
+        Encoder::Bundle => "bundle",
+        Encoder::Oracle => "oracle",
+    }
+}
+
+fn poses_name(poses: Poses) -> &'static str {
+    match poses {
+        Poses::Given => "given",
+        Poses::Estimate => "estimate",
     }
 }
 

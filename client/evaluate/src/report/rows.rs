@@ -1,85 +1,111 @@
-//! The numbers of a report to look at first, beside the paper's. In: a [`Report`]. Out: [`Row`]s. A
-//! paper's number stands only where both mean the same; of another data set it is in any case.
+//! The most important numbers of a report, beside the paper's. The paper's number is given only where
+//! both measure the same quantity; its data set is always another one.
 
 use super::paper::PAPER;
 use super::record::Report;
 use crate::language::Language;
 use crate::presence::Presence;
 use crate::space::Space;
+use crate::views::ViewMeans;
 
-/// A number for people, beside the paper's.
+/// A row of the overview: a number beside the paper's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// What was measured.
+    /// The quantity, with its unit.
     pub what: &'static str,
-    /// With its unit.
+    /// The value, formatted.
     pub value: String,
-    /// The paper's, or nothing.
+    /// The paper's value; empty if it has none.
     pub paper: String,
 }
 
 /// The rows of a report, in order.
 pub fn rows(report: &Report) -> Vec<Row> {
-    let row = |what, value, paper| Row { what, value, paper };
-    let none = String::new;
-    let [least, most] = PAPER.seconds_per_frame;
-    let mut rows = vec![
-        row("frames acknowledged per second", format!("{:.2}", report.fps), none()),
-        row("seconds per frame acknowledged", format!("{:.3}", report.seconds_per_frame), none()),
-        row(
-            "seconds per frame, all work done",
-            format!("{:.3}", report.seconds_per_frame_settled),
-            format!("{least} to {most} (one GPU, tracking too)"),
-        ),
-        row("settling after the last frame, s", format!("{:.1}", report.settle_seconds), none()),
-        row(
-            "frames tracked / lost / refused",
-            format!(
-                "{} / {} / {}",
-                report.frames_tracked, report.frames_lost, report.frames_refused
-            ),
-            none(),
-        ),
-        row("keyframes", report.keyframes.to_string(), none()),
-        row("Gaussians", report.gaussians.to_string(), none()),
-        row("device memory of the Gaussians, MiB", mebibytes(Some(report.gpu_bytes)), none()),
-        row("memory of the keyframes, MiB", mebibytes(Some(report.keyframe_bytes)), none()),
-        row("peak memory of the server, MiB", mebibytes(report.peak_rss_bytes), none()),
-        row("ATE RMSE, cm", ate(report), format!("{} (tracked)", PAPER.ate_rmse_cm)),
-    ];
-    let views = [("held out", &report.held_out), ("keyframes", &report.keyframe_views)];
-    for (kind, means) in views {
-        let held_out = kind == "held out";
-        let paper = |value: f64| if held_out { value.to_string() } else { String::new() };
-        let name = |a, b| if held_out { a } else { b };
-        rows.extend([
-            row(
-                name("PSNR held out, dB", "PSNR keyframes, dB"),
-                decimals(means.psnr_db, 2),
-                paper(PAPER.psnr_db),
-            ),
-            row(
-                name("SSIM held out", "SSIM keyframes"),
-                decimals(means.ssim, 4),
-                paper(PAPER.ssim),
-            ),
-        ]);
-        if let Some(lpips) = means.lpips {
-            rows.push(row(
-                name("LPIPS held out", "LPIPS keyframes"),
-                decimals(Some(lpips), 4),
-                paper(PAPER.lpips),
-            ));
-        }
-        rows.extend([row(
-            name("depth L1 held out, m", "depth L1 keyframes, m"),
-            decimals(means.depth_l1_m, 4),
-            none(),
-        )]);
-    }
+    let mut rows = speed_rows(report);
+    rows.extend(map_rows(report));
+    rows.extend(view_rows(&HELD_OUT, &report.held_out));
+    rows.extend(view_rows(&KEYFRAMES, &report.keyframe_views));
     rows.extend(report.language.iter().flat_map(language_rows));
     rows.extend(report.space.iter().flat_map(space_rows));
     rows.extend(report.presence.iter().flat_map(presence_rows));
+    rows
+}
+
+/// A row that the paper has no number for.
+fn plain(what: &'static str, value: String) -> Row {
+    Row { what, value, paper: String::new() }
+}
+
+fn speed_rows(report: &Report) -> Vec<Row> {
+    let [least, most] = PAPER.seconds_per_frame;
+    vec![
+        plain("frames acknowledged per second", format!("{:.2}", report.fps)),
+        plain("seconds per frame acknowledged", format!("{:.3}", report.seconds_per_frame)),
+        Row {
+            what: "seconds per frame, all work done",
+            value: format!("{:.3}", report.seconds_per_frame_settled),
+            paper: format!("{least} to {most} (one GPU, tracking too)"),
+        },
+        plain("settling after the last frame, s", format!("{:.1}", report.settle_seconds)),
+    ]
+}
+
+fn map_rows(report: &Report) -> Vec<Row> {
+    let Report { frames_tracked, frames_lost, frames_refused, .. } = report;
+    let frames = format!("{frames_tracked} / {frames_lost} / {frames_refused}");
+    vec![
+        plain("frames tracked / lost / refused", frames),
+        plain("keyframes", report.keyframes.to_string()),
+        plain("Gaussians", report.gaussians.to_string()),
+        plain("device memory of the Gaussians, MiB", mebibytes(Some(report.gpu_bytes))),
+        plain("memory of the keyframes, MiB", mebibytes(Some(report.keyframe_bytes))),
+        plain("peak memory of the server, MiB", mebibytes(report.peak_rss_bytes)),
+        Row {
+            what: "ATE RMSE, cm",
+            value: ate(report),
+            paper: format!("{} (tracked)", PAPER.ate_rmse_cm),
+        },
+    ]
+}
+
+/// Names of the rows of one kind of views.
+struct ViewNames {
+    psnr: &'static str,
+    ssim: &'static str,
+    lpips: &'static str,
+    depth: &'static str,
+    /// Whether the paper's numbers are of this kind.
+    is_papers: bool,
+}
+
+const HELD_OUT: ViewNames = ViewNames {
+    psnr: "PSNR held out, dB",
+    ssim: "SSIM held out",
+    lpips: "LPIPS held out",
+    depth: "depth L1 held out, m",
+    is_papers: true,
+};
+const KEYFRAMES: ViewNames = ViewNames {
+    psnr: "PSNR keyframes, dB",
+    ssim: "SSIM keyframes",
+    lpips: "LPIPS keyframes",
+    depth: "depth L1 keyframes, m",
+    is_papers: false,
+};
+
+fn view_rows(names: &ViewNames, means: &ViewMeans) -> Vec<Row> {
+    let row = |what, value, paper: f64| {
+        let paper = if names.is_papers { paper.to_string() } else { String::new() };
+        Row { what, value, paper }
+    };
+    let mut rows = vec![
+        row(names.psnr, decimals(means.psnr_db, 2), PAPER.psnr_db),
+        row(names.ssim, decimals(means.ssim, 4), PAPER.ssim),
+    ];
+    if means.lpips.is_some() {
+        rows.push(row(names.lpips, decimals(means.lpips, 4), PAPER.lpips));
+    }
+    rows.push(plain(names.depth, decimals(means.depth_l1_m, 4)));
     rows
 }
 
@@ -106,7 +132,7 @@ fn language_rows(language: &Language) -> Vec<Row> {
     ]
 }
 
-/// The paper's are over 8 Replica scenes, at its own scale of relevancy; its EMD pairs clouds of
+/// The paper's values are over 8 Replica scenes, at its own scale of relevancy; its EMD pairs clouds of
 /// unequal sizes.
 fn space_rows(space: &Space) -> Vec<Row> {
     let means = &space.means;

@@ -4,7 +4,8 @@ use crate::dice::Dice;
 use crate::material::{Texture, matt, shiny};
 use crate::mesh::Grid;
 use crate::shapes::Builder;
-use crate::vector::{Placement, V3, rgb, v};
+use crate::vector::{Placement, rgb};
+use glam::{Vec3, vec3};
 
 /// A dining chair about 0.44 m wide and 0.9 m high; all chairs of one `style` look alike.
 pub(crate) fn chair(b: &mut Builder, style: u64) {
@@ -16,23 +17,33 @@ pub(crate) fn chair(b: &mut Builder, style: u64) {
     let cushioned = d.chance(0.5);
     let (hx, hy) = (w / 2.0 - 0.025, depth / 2.0 - 0.025);
     for (x, y, top) in [(-hx, hy, seat), (hx, hy, seat), (-hx, -hy, back), (hx, -hy, back)] {
-        b.slab(v(x, y, top / 2.0), v(0.042, 0.042, top), 0.008, frame(2));
+        b.slab(vec3(x, y, top / 2.0), vec3(0.042, 0.042, top), 0.008, frame(2));
     }
-    b.slab(v(0.0, 0.0, seat - 0.015), v(w, depth, 0.035), 0.012, frame(0));
-    b.slab(v(0.0, hy, seat - 0.07), v(w - 0.06, 0.025, 0.06), 0.005, frame(0));
+    b.slab(vec3(0.0, 0.0, seat - 0.015), vec3(w, depth, 0.035), 0.012, frame(0));
+    b.slab(vec3(0.0, hy, seat - 0.07), vec3(w - 0.06, 0.025, 0.06), 0.005, frame(0));
     if cushioned {
-        b.slab(v(0.0, 0.01, seat + 0.025), v(w - 0.04, depth - 0.05, 0.05), 0.024, matt(d.cloth()));
+        b.slab(
+            vec3(0.0, 0.01, seat + 0.025),
+            vec3(w - 0.04, depth - 0.05, 0.05),
+            0.024,
+            matt(d.cloth()),
+        );
     }
     if d.chance(0.5) {
         for i in 0..3 {
             let z = seat + 0.14 + i as f32 * 0.13;
-            b.slab(v(0.0, -hy, z), v(w - 0.06, 0.02, 0.07), 0.008, frame(0));
+            b.slab(vec3(0.0, -hy, z), vec3(w - 0.06, 0.02, 0.07), 0.008, frame(0));
         }
     } else {
-        b.slab(v(0.0, -hy, back - 0.05), v(w - 0.05, 0.024, 0.09), 0.01, frame(0));
+        b.slab(vec3(0.0, -hy, back - 0.05), vec3(w - 0.05, 0.024, 0.09), 0.01, frame(0));
         for i in 0..4 {
             let x = (i as f32 - 1.5) * 0.085;
-            b.slab(v(x, -hy, (seat + back) / 2.0), v(0.022, 0.018, back - seat), 0.006, frame(2));
+            b.slab(
+                vec3(x, -hy, (seat + back) / 2.0),
+                vec3(0.022, 0.018, back - seat),
+                0.006,
+                frame(2),
+            );
         }
     }
 }
@@ -43,11 +54,11 @@ pub(crate) fn stool(b: &mut Builder, d: &mut Dice) {
     let seat = Texture::Weave { a: d.bright(), b: d.fabric_color() };
     let profile =
         [(0.0, 0.4), (0.17, 0.4), (0.185, 0.42), (0.18, 0.46), (0.14, 0.475), (0.0, 0.478)];
-    b.lathe(V3::ZERO, &profile, matt(seat));
+    b.lathe(Vec3::ZERO, &profile, matt(seat));
     for i in 0..4 {
         let (s, c) = (0.785 + i as f32 * std::f32::consts::FRAC_PI_2).sin_cos();
-        let foot = v(c * 0.18, s * 0.18, 0.0);
-        b.tube(&[foot, v(c * 0.11, s * 0.11, 0.41)], 0.018, shiny(wood.along(2), 0.2));
+        let foot = vec3(c * 0.18, s * 0.18, 0.0);
+        b.tube(&[foot, vec3(c * 0.11, s * 0.11, 0.41)], 0.018, shiny(wood.along(2), 0.2));
     }
 }
 
@@ -59,27 +70,27 @@ pub(crate) fn sofa(b: &mut Builder, d: &mut Dice, w: f32) {
     let seats = if w > 1.7 { 3 } else { 2 };
     let (arm, back) = (0.17, d.between(0.74, 0.86));
     let inner = w - 2.0 * arm;
-    b.slab(v(0.0, 0.0, 0.2), v(w - 0.04, 0.84, 0.24), 0.05, cloth);
-    b.slab(v(0.0, -0.34, back / 2.0 + 0.06), v(w - 0.06, 0.2, back - 0.12), 0.08, cloth);
+    b.slab(vec3(0.0, 0.0, 0.2), vec3(w - 0.04, 0.84, 0.24), 0.05, cloth);
+    b.slab(vec3(0.0, -0.34, back / 2.0 + 0.06), vec3(w - 0.06, 0.2, back - 0.12), 0.08, cloth);
     for side in [-1.0, 1.0] {
         let x = side * (w - arm) / 2.0;
-        b.slab(v(x, 0.0, 0.34), v(arm, 0.86, 0.5), 0.075, cloth);
+        b.slab(vec3(x, 0.0, 0.34), vec3(arm, 0.86, 0.5), 0.075, cloth);
         for y in [-0.34, 0.34] {
-            b.cylinder(v(x, y, 0.0), 0.025, 0.1, shiny(d.wood().along(2), 0.3));
+            b.cylinder(vec3(x, y, 0.0), 0.025, 0.1, shiny(d.wood().along(2), 0.3));
         }
     }
     let each = inner / seats as f32;
     for i in 0..seats {
         let x = (i as f32 + 0.5) * each - inner / 2.0;
-        b.slab(v(x, 0.06, 0.385), v(each - 0.012, 0.68, 0.15), 0.06, cloth);
-        b.within(Placement::tilted(v(x, -0.2, 0.62), 0.18), |b| {
-            b.slab(V3::ZERO, v(each - 0.02, 0.15, 0.36), 0.07, cloth);
+        b.slab(vec3(x, 0.06, 0.385), vec3(each - 0.012, 0.68, 0.15), 0.06, cloth);
+        b.within(Placement::tilted(vec3(x, -0.2, 0.62), 0.18), |b| {
+            b.slab(Vec3::ZERO, vec3(each - 0.02, 0.15, 0.36), 0.07, cloth);
         });
     }
     for side in [-1.0, 1.0] {
         if side < 0.0 || d.chance(0.6) {
-            let tilt = Placement::tilted(v(side * (inner / 2.0 - 0.23), -0.02, 0.64), 0.35);
-            let turned = tilt.then(&Placement::upright(V3::ZERO, -side * 0.25));
+            let tilt = Placement::tilted(vec3(side * (inner / 2.0 - 0.23), -0.02, 0.64), 0.35);
+            let turned = tilt.then(&Placement::upright(Vec3::ZERO, -side * 0.25));
             b.object("cushion", turned, |b| pillow(b, d, 0.42));
         }
     }
@@ -95,7 +106,7 @@ fn pillow(b: &mut Builder, d: &mut Dice, size: f32) {
             let puff = ((1.0 - x * x).max(0.0) * (1.0 - z * z).max(0.0)).powf(0.45);
             let pinch = 1.0 - 0.07 * (1.0 - x.abs().max(z.abs()).powi(2));
             let half = size / 2.0 * pinch;
-            v(-side * x * half, side * 0.085 * puff, z * half)
+            vec3(-side * x * half, side * 0.085 * puff, z * half)
         });
     }
 }
@@ -109,20 +120,30 @@ pub(crate) fn bed(b: &mut Builder, d: &mut Dice, w: f32) {
         1 => Texture::Stripes { a: d.bright(), b: rgb(0xf0ebe0), period: 0.24 },
         _ => Texture::Weave { a: d.fabric_color(), b: d.fabric_color() },
     };
-    b.slab(v(0.0, -length / 2.0, 0.5), v(w + 0.06, 0.05, 0.9), 0.02, shiny(wood.along(0), 0.2));
-    b.slab(v(0.0, length / 2.0, 0.24), v(w + 0.06, 0.05, 0.42), 0.02, shiny(wood.along(0), 0.2));
-    b.slab(v(0.0, 0.0, 0.2), v(w, length, 0.14), 0.01, shiny(wood.along(1), 0.2));
     b.slab(
-        v(0.0, 0.0, 0.36),
-        v(w - 0.04, length - 0.06, 0.2),
+        vec3(0.0, -length / 2.0, 0.5),
+        vec3(w + 0.06, 0.05, 0.9),
+        0.02,
+        shiny(wood.along(0), 0.2),
+    );
+    b.slab(
+        vec3(0.0, length / 2.0, 0.24),
+        vec3(w + 0.06, 0.05, 0.42),
+        0.02,
+        shiny(wood.along(0), 0.2),
+    );
+    b.slab(vec3(0.0, 0.0, 0.2), vec3(w, length, 0.14), 0.01, shiny(wood.along(1), 0.2));
+    b.slab(
+        vec3(0.0, 0.0, 0.36),
+        vec3(w - 0.04, length - 0.06, 0.2),
         0.07,
         matt(Texture::Plain(rgb(0xe6e2d8))),
     );
-    b.slab(v(0.0, 0.28, 0.37), v(w + 0.01, length * 0.68, 0.25), 0.06, matt(blanket));
+    b.slab(vec3(0.0, 0.28, 0.37), vec3(w + 0.01, length * 0.68, 0.25), 0.06, matt(blanket));
     let pillows = if w > 1.3 { 2 } else { 1 };
     for i in 0..pillows {
         let x = (i as f32 - (pillows - 1) as f32 / 2.0) * w / 2.0;
-        let lying = Placement::tilted(v(x, -length / 2.0 + 0.3, 0.53), 1.25);
+        let lying = Placement::tilted(vec3(x, -length / 2.0 + 0.3, 0.53), 1.25);
         b.object("cushion", lying, |b| pillow(b, d, 0.5));
     }
 }

@@ -4,7 +4,8 @@ use crate::dice::Dice;
 use crate::material::{Texture, matt, shiny};
 use crate::prints::Print;
 use crate::shapes::Builder;
-use crate::vector::{Placement, V3, rgb, v};
+use crate::vector::{Placement, rgb};
+use glam::{Vec3, vec3};
 use std::f32::consts::{PI, TAU};
 
 /// Height of a table's top, metres.
@@ -24,7 +25,7 @@ pub(crate) fn table(b: &mut Builder, d: &mut Dice, w: f32, depth: f32) {
             (r - 0.008, top),
             (0.0, top),
         ];
-        b.lathe(V3::ZERO, &plate, frame(0));
+        b.lathe(Vec3::ZERO, &plate, frame(0));
         let foot = [
             (0.28, 0.0),
             (0.28, 0.03),
@@ -33,17 +34,17 @@ pub(crate) fn table(b: &mut Builder, d: &mut Dice, w: f32, depth: f32) {
             (0.05, 0.5),
             (0.12, top - 0.036),
         ];
-        b.lathe(V3::ZERO, &foot, frame(2));
+        b.lathe(Vec3::ZERO, &foot, frame(2));
         return;
     }
-    b.slab(v(0.0, 0.0, top - 0.02), v(w, depth, 0.04), 0.012, frame(0));
+    b.slab(vec3(0.0, 0.0, top - 0.02), vec3(w, depth, 0.04), 0.012, frame(0));
     let (hx, hy) = (w / 2.0 - 0.08, depth / 2.0 - 0.08);
     for (x, y) in [(-hx, -hy), (hx, -hy), (-hx, hy), (hx, hy)] {
-        b.slab(v(x, y, (top - 0.04) / 2.0), v(0.065, 0.065, top - 0.04), 0.012, frame(2));
+        b.slab(vec3(x, y, (top - 0.04) / 2.0), vec3(0.065, 0.065, top - 0.04), 0.012, frame(2));
     }
     for side in [-1.0, 1.0] {
-        b.slab(v(0.0, side * hy, top - 0.085), v(2.0 * hx, 0.022, 0.09), 0.004, frame(0));
-        b.slab(v(side * hx, 0.0, top - 0.085), v(0.022, 2.0 * hy, 0.09), 0.004, frame(1));
+        b.slab(vec3(0.0, side * hy, top - 0.085), vec3(2.0 * hx, 0.022, 0.09), 0.004, frame(0));
+        b.slab(vec3(side * hx, 0.0, top - 0.085), vec3(0.022, 2.0 * hy, 0.09), 0.004, frame(1));
     }
 }
 
@@ -57,15 +58,15 @@ pub(crate) fn mug(b: &mut Builder, d: &mut Dice) {
     let glaze = shiny(ceramic(d), 0.6);
     let (r, h) = (0.048, 0.11);
     let outside = [(0.0, 0.0), (r - 0.006, 0.0), (r, 0.008), (r, h), (r - 0.004, h + 0.003)];
-    b.lathe(V3::ZERO, &outside, glaze);
+    b.lathe(Vec3::ZERO, &outside, glaze);
     let inside = [(r - 0.004, h + 0.003), (r - 0.007, h - 0.004), (r - 0.008, 0.02)];
-    b.lathe(V3::ZERO, &inside, shiny(Texture::Plain(rgb(0xe8e4da)), 0.4));
+    b.lathe(Vec3::ZERO, &inside, shiny(Texture::Plain(rgb(0xe8e4da)), 0.4));
     let coffee = [(r - 0.008, h * 0.72), (0.0, h * 0.72)];
-    b.lathe(V3::ZERO, &coffee, shiny(Texture::Plain(rgb(0x3a2010)), 0.5));
-    let handle: Vec<V3> = (0..=8)
+    b.lathe(Vec3::ZERO, &coffee, shiny(Texture::Plain(rgb(0x3a2010)), 0.5));
+    let handle: Vec<Vec3> = (0..=8)
         .map(|i| {
             let (s, c) = (-0.5 * PI + PI * i as f32 / 8.0).sin_cos();
-            v(r - 0.004 + 0.036 * c, 0.0, h * 0.52 + 0.034 * s)
+            vec3(r - 0.004 + 0.036 * c, 0.0, h * 0.52 + 0.034 * s)
         })
         .collect();
     b.tube(&handle, 0.0075, glaze);
@@ -84,12 +85,12 @@ pub(crate) fn bottle(b: &mut Builder, d: &mut Dice) {
         (0.016, h * 0.8),
         (0.0145, h * 0.95),
     ];
-    b.lathe(V3::ZERO, &body, shiny(Texture::Plain(glass), 0.9));
+    b.lathe(Vec3::ZERO, &body, shiny(Texture::Plain(glass), 0.9));
     let cap = [(0.0145, h * 0.93), (0.017, h * 0.93), (0.017, h), (0.0, h)];
-    b.lathe(V3::ZERO, &cap, shiny(Texture::Metal(d.bright()), 0.4));
+    b.lathe(Vec3::ZERO, &cap, shiny(Texture::Metal(d.bright()), 0.4));
     let (paper, ink) = (rgb(d.pick(&[0xf0ebe0, 0xf0d890, 0xd8e8e0])), d.bright() * 0.6);
     let label = [(r + 0.0008, h * 0.17), (r + 0.0008, h * 0.48)];
-    b.lathe(V3::ZERO, &label, matt(Texture::Printed(Print::Label { paper, ink })));
+    b.lathe(Vec3::ZERO, &label, matt(Texture::Printed(Print::Label { paper, ink })));
 }
 
 /// A bowl 0.26 m wide with apples in it; the apples are objects of their own.
@@ -97,19 +98,19 @@ pub(crate) fn bowl(b: &mut Builder, d: &mut Dice) {
     let glaze = shiny(ceramic(d), 0.5);
     let outside =
         [(0.0, 0.0), (0.05, 0.0), (0.055, 0.01), (0.1, 0.04), (0.125, 0.085), (0.13, 0.1)];
-    b.lathe(V3::ZERO, &outside, glaze);
+    b.lathe(Vec3::ZERO, &outside, glaze);
     let inside =
         [(0.13, 0.1), (0.124, 0.098), (0.118, 0.082), (0.094, 0.045), (0.05, 0.018), (0.0, 0.016)];
-    b.lathe(V3::ZERO, &inside, glaze);
+    b.lathe(Vec3::ZERO, &inside, glaze);
     let skin = rgb(d.pick(&[0xb8281c, 0x8aa828, 0xd8a020]));
     for i in 0..4 {
         let (s, c) = (d.between(0.0, 0.6) + i as f32 * TAU / 3.0).sin_cos();
-        let place = if i < 3 { v(c * 0.052, s * 0.052, 0.035) } else { v(0.0, 0.005, 0.085) };
+        let place = if i < 3 { vec3(c * 0.052, s * 0.052, 0.035) } else { vec3(0.0, 0.005, 0.085) };
         b.object("apple", Placement::upright(place, s), |b| apple(b, skin));
     }
 }
 
-fn apple(b: &mut Builder, skin: V3) {
+fn apple(b: &mut Builder, skin: Vec3) {
     let profile = [
         (0.0, 0.004),
         (0.018, 0.0),
@@ -119,9 +120,9 @@ fn apple(b: &mut Builder, skin: V3) {
         (0.018, 0.072),
         (0.0, 0.062),
     ];
-    b.lathe(V3::ZERO, &profile, shiny(Texture::Weave { a: skin, b: skin * 0.7 }, 0.4));
+    b.lathe(Vec3::ZERO, &profile, shiny(Texture::Weave { a: skin, b: skin * 0.7 }, 0.4));
     b.tube(
-        &[v(0.0, 0.0, 0.06), v(0.004, 0.002, 0.085)],
+        &[vec3(0.0, 0.0, 0.06), vec3(0.004, 0.002, 0.085)],
         0.003,
         matt(Texture::Plain(rgb(0x4a3018))),
     );
@@ -140,19 +141,19 @@ pub(crate) fn vase(b: &mut Builder, d: &mut Dice) {
         (neck, h * 0.84),
         (neck * 1.25, h),
     ];
-    b.lathe(V3::ZERO, &outside, shiny(ceramic(d), 0.6));
+    b.lathe(Vec3::ZERO, &outside, shiny(ceramic(d), 0.6));
     let inside = [(neck * 1.25, h), (neck * 0.9, h * 0.86), (0.0, h * 0.7)];
-    b.lathe(V3::ZERO, &inside, matt(Texture::Plain(rgb(0x2a2622))));
+    b.lathe(Vec3::ZERO, &inside, matt(Texture::Plain(rgb(0x2a2622))));
     let petals = matt(Texture::Weave { a: d.bright(), b: d.bright() });
     for i in 0..5 {
         let (s, c) = (i as f32 * TAU / 5.0 + 0.4).sin_cos();
         let lean = 0.05 + 0.03 * (i % 2) as f32;
-        let tip = v(c * lean, s * lean, h + 0.07 + 0.02 * (i % 3) as f32);
-        b.tube(&[v(0.0, 0.0, h * 0.8), tip], 0.003, matt(Texture::Plain(rgb(0x3c6a2c))));
-        b.ball(tip, v(0.026, 0.026, 0.018), petals);
+        let tip = vec3(c * lean, s * lean, h + 0.07 + 0.02 * (i % 3) as f32);
+        b.tube(&[vec3(0.0, 0.0, h * 0.8), tip], 0.003, matt(Texture::Plain(rgb(0x3c6a2c))));
+        b.ball(tip, vec3(0.026, 0.026, 0.018), petals);
         b.ball(
-            tip + v(0.0, 0.0, 0.012),
-            v(0.009, 0.009, 0.009),
+            tip + vec3(0.0, 0.0, 0.012),
+            vec3(0.009, 0.009, 0.009),
             matt(Texture::Plain(rgb(0xf0c830))),
         );
     }
@@ -162,23 +163,33 @@ pub(crate) fn vase(b: &mut Builder, d: &mut Dice) {
 pub(crate) fn laptop(b: &mut Builder, d: &mut Dice) {
     let shell = shiny(Texture::Metal(rgb(d.pick(&[0xb4b8bc, 0x3a3d42, 0xd0c8bc]))), 0.4);
     let (w, depth, tall) = (0.34, 0.23, 0.22);
-    b.slab(v(0.0, 0.0, 0.009), v(w, depth, 0.018), 0.006, shell);
+    b.slab(vec3(0.0, 0.0, 0.009), vec3(w, depth, 0.018), 0.006, shell);
     let keys = matt(Texture::Printed(Print::Keyboard));
     // Typed at from +y: the keyboard's right is −x.
-    b.panel(v(0.15, 0.0, 0.0187), v(-0.3, 0.0, 0.0), v(0.0, -0.1, 0.0), keys);
+    b.panel(vec3(0.15, 0.0, 0.0187), vec3(-0.3, 0.0, 0.0), vec3(0.0, -0.1, 0.0), keys);
     b.panel(
-        v(0.05, 0.1, 0.0187),
-        v(-0.1, 0.0, 0.0),
-        v(0.0, -0.08, 0.0),
+        vec3(0.05, 0.1, 0.0187),
+        vec3(-0.1, 0.0, 0.0),
+        vec3(0.0, -0.08, 0.0),
         matt(Texture::Plain(rgb(0x85888c))),
     );
-    b.within(Placement::tilted(v(0.0, -depth / 2.0 + 0.004, 0.018), 0.3), |b| {
-        b.slab(v(0.0, -0.004, tall / 2.0), v(w, 0.009, tall), 0.004, shell);
+    b.within(Placement::tilted(vec3(0.0, -depth / 2.0 + 0.004, 0.018), 0.3), |b| {
+        b.slab(vec3(0.0, -0.004, tall / 2.0), vec3(w, 0.009, tall), 0.004, shell);
         let bezel = matt(Texture::Plain(rgb(0x101214)));
-        b.panel(v(0.165, 0.001, 0.006), v(-0.33, 0.0, 0.0), v(0.0, 0.0, tall - 0.012), bezel);
+        b.panel(
+            vec3(0.165, 0.001, 0.006),
+            vec3(-0.33, 0.0, 0.0),
+            vec3(0.0, 0.0, tall - 0.012),
+            bezel,
+        );
         let mut picture = matt(Texture::Printed(Print::Desktop(d.variant())));
         picture.glow = 0.75;
-        b.panel(v(0.156, 0.002, 0.016), v(-0.312, 0.0, 0.0), v(0.0, 0.0, tall - 0.03), picture);
+        b.panel(
+            vec3(0.156, 0.002, 0.016),
+            vec3(-0.312, 0.0, 0.0),
+            vec3(0.0, 0.0, tall - 0.03),
+            picture,
+        );
     });
 }
 
@@ -190,27 +201,27 @@ pub(crate) fn books_lying(b: &mut Builder, d: &mut Dice) {
             (d.between(0.19, 0.24), d.between(0.14, 0.17), d.between(0.025, 0.045));
         let cover = d.bright();
         let turn = d.between(-0.3, 0.3);
-        b.within(Placement::upright(v(0.0, 0.0, z), turn), |b| {
+        b.within(Placement::upright(vec3(0.0, 0.0, z), turn), |b| {
             b.slab(
-                v(0.0, 0.0, thick / 2.0),
-                v(w, depth, thick),
+                vec3(0.0, 0.0, thick / 2.0),
+                vec3(w, depth, thick),
                 0.003,
                 matt(Texture::Plaster(cover)),
             );
             let pages = matt(Texture::Printed(Print::Pages));
             let (x, y) = (w / 2.0, depth / 2.0 + 0.001);
             b.panel(
-                v(x - 0.01, y, 0.004),
-                v(0.01 - 2.0 * x, 0.0, 0.0),
-                v(0.0, 0.0, thick - 0.008),
+                vec3(x - 0.01, y, 0.004),
+                vec3(0.01 - 2.0 * x, 0.0, 0.0),
+                vec3(0.0, 0.0, thick - 0.008),
                 pages,
             );
             let spine = Print::Spine { cover, seed: d.variant() };
             let print = matt(Texture::Printed(spine));
-            b.panel(v(-x, -y, 0.0), v(0.0, 0.0, thick), v(2.0 * x, 0.0, 0.0), print);
+            b.panel(vec3(-x, -y, 0.0), vec3(0.0, 0.0, thick), vec3(2.0 * x, 0.0, 0.0), print);
             let art = matt(Texture::Printed(Print::Painting(d.variant())));
             let (cx, cy, top) = (w * 0.3, depth * 0.36, thick + 0.001);
-            b.panel(v(-cx, -cy, top), v(2.0 * cx, 0.0, 0.0), v(0.0, 2.0 * cy, 0.0), art);
+            b.panel(vec3(-cx, -cy, top), vec3(2.0 * cx, 0.0, 0.0), vec3(0.0, 2.0 * cy, 0.0), art);
         });
         z += thick + 0.001;
     }

@@ -1,6 +1,5 @@
-//! Asks the questions of the demonstration, about one frame each and about the whole space, and judges
-//! the answers where ground truth is there. In: a client, a data set, words. Out: answers with their
-//! heat maps and verdicts. It prints and writes nothing.
+//! Asks the questions of the demo, each about one frame and about the whole map, and judges the answers
+//! if there is ground truth.
 
 use super::questions::{self, Sight};
 use crate::answer::best_object;
@@ -11,7 +10,7 @@ use lexsplat_client::http::{Answer, HttpClient, Peak, Question};
 use lexsplat_client::npy::Array;
 use std::time::Instant;
 
-/// Gaussians and boxes end a little beside the true surface.
+/// Tolerance of boxes: Gaussians do not end exactly at the true surface.
 const BOX_MARGIN_METRES: f64 = 0.1;
 
 /// A frame that can be asked about.
@@ -19,14 +18,14 @@ const BOX_MARGIN_METRES: f64 = 0.1;
 pub struct View {
     /// Position in the data set.
     pub index: usize,
-    /// Its number.
+    /// Number of the frame.
     pub sequence: u64,
 }
 
-/// What was asked and answered.
+/// A question with its answers.
 #[derive(Clone, Debug)]
 pub struct Asked {
-    /// The words.
+    /// The text of the question.
     pub text: String,
     /// The frame.
     pub view: View,
@@ -34,43 +33,43 @@ pub struct Asked {
     pub seen: Answer,
     /// Relevancy of its pixels, `[height, width]`.
     pub relevancy: Array,
-    /// The same as a file.
+    /// The relevancy as a .npy file.
     pub npy: Vec<u8>,
-    /// The answer for the whole space.
+    /// The answer for the whole map.
     pub space: Answer,
-    /// How long the frame's answer took, as the asker sees it.
+    /// Latency of the frame's answer that the client sees.
     pub milliseconds: f64,
-    /// What ground truth says; absent if it does not know the words.
+    /// The verdict of ground truth; absent if it does not have the class.
     pub verdict: Option<Verdict>,
 }
 
-/// What ground truth says about an answer.
+/// The verdict of ground truth about an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// The peak lies on such a thing.
+    /// Whether the peak lies on an object of the class.
     pub peak_inside: bool,
-    /// The best object's centre lies in the box of such a thing.
+    /// Whether the centre of the best object lies in the box of an object of the class.
     pub center_inside: bool,
 }
 
-/// A map that is asked.
+/// Asks a map.
 pub struct Asker<'a> {
-    /// The server.
+    /// Client of the server.
     pub client: &'a HttpClient,
-    /// The map's name.
+    /// Name of the map.
     pub map: &'a str,
-    /// What it was made of.
+    /// The data set that the map was made of.
     pub dataset: &'a dyn Dataset,
 }
 
-/// A question, with the frame if it is known which one.
+/// A question, with its frame if ground truth gives one.
 type Plan = (String, Option<View>);
 
 impl Asker<'_> {
-    /// Asks the given words, or if there are none what suits the data set.
+    /// Asks the given texts, or questions that suit the data set if there are none.
     ///
     /// # Errors
-    /// If the server gives no answer or the data set cannot be read.
+    /// If a request fails or the data set cannot be read.
     pub async fn ask_all(
         &self,
         kind: &DatasetSpec,
@@ -91,7 +90,7 @@ impl Asker<'_> {
         Ok(asked)
     }
 
-    /// The keyframes that know language.
+    /// The keyframes with language.
     async fn views(&self) -> Result<Vec<View>> {
         let frames = self.client.frames(self.map).await?;
         let position = |sequence| {
@@ -131,7 +130,7 @@ impl Asker<'_> {
         Ok(given.iter().map(plan).collect())
     }
 
-    /// Of a few views the one with the highest peak.
+    /// The view with the highest peak, among a few.
     async fn most_relevant(&self, text: &str, views: &[View]) -> Result<View> {
         let mut best: Option<(f32, View)> = None;
         for view in questions::spread(views) {
@@ -189,7 +188,7 @@ fn judge(
     }))
 }
 
-/// Whether a pixel shows one of the things.
+/// Whether a pixel shows one of the objects.
 fn is_on(things: &[&Instance], mask: &Mask, peak: Peak) -> bool {
     let inside = |at: f32, side: u32| (-0.5..side as f32 - 0.5).contains(&at);
     if !inside(peak.x, mask.width) || !inside(peak.y, mask.height) {
@@ -200,7 +199,7 @@ fn is_on(things: &[&Instance], mask: &Mask, peak: Peak) -> bool {
     things.iter().any(|thing| thing.id == id)
 }
 
-/// Whether a point of the world is in one of the things' boxes, or just beside it.
+/// Whether a point of the world is in the box of one of the objects, within the tolerance.
 fn is_in(things: &[&Instance], point: [f64; 3]) -> bool {
     things.iter().any(|thing| {
         (0..3).all(|axis| {

@@ -1,5 +1,5 @@
-//! `lexsplat demo`: a server of its own, a data set streamed to it, five questions, pictures.
-//! Exit code 1 if a part of this chain fails; wrong answers are shown, not failures.
+//! `lexsplat demo`: starts a server, streams a data set to it, asks five questions and writes images of the
+//! answers. The exit code is 1 if a step fails; wrong answers are no failures.
 
 mod ask;
 mod questions;
@@ -142,7 +142,7 @@ async fn show_all(
     Ok(())
 }
 
-/// Streams the data set; says what came of it.
+/// Streams the data set; returns a line about the outcome.
 async fn map_it(options: &StreamOptions, dataset: Arc<dyn Dataset>) -> Result<String> {
     let bar = progress_bar(dataset.len() as u64);
     let summary = stream(dataset, options, |progress| show(&bar, progress)).await;
@@ -161,7 +161,7 @@ async fn map_it(options: &StreamOptions, dataset: Arc<dyn Dataset>) -> Result<St
     ))
 }
 
-/// Waits until the map has done its work on what it has.
+/// Waits until the map is settled.
 async fn settle(client: &HttpClient, map: &str) -> Result<Status> {
     let bar = ProgressBar::new_spinner();
     bar.enable_steady_tick(POLL);

@@ -1,22 +1,21 @@
-//! Which five questions the demonstration asks, and about which frames. In: ground-truth masks of
-//! keyframes, or the kind of data set. Out: words, with the frame that shows the thing best where
-//! that is known. Pure: the same masks give the same questions.
+//! The choice of the five questions of the demo. With ground-truth masks, each question comes with the
+//! frame that shows its object best.
 
 use crate::dataset::DatasetSpec;
 use lexsplat_client::dataset::{Instance, Mask};
 use std::cmp::Reverse;
 use std::collections::HashMap;
 
-/// How many questions are asked.
+/// Number of questions.
 pub const QUESTIONS: usize = 5;
-/// A thing that fills this share of a frame is seen well.
+/// Share of a frame that an object fills if it is seen well.
 const SALIENT_SHARE: f64 = 0.01;
-/// Pixels of a thing that the picture's border cuts off tell less: so many count as one.
+/// So many pixels of an object that the border of the image cuts off count as one.
 const CUT: usize = 4;
-/// Keyframes that are tried for a question when nobody knows where the thing is.
+/// Keyframes that are tried for a question without ground truth.
 const TRIED_FRAMES: usize = 8;
 
-/// What is asked for first if it is seen well: things that people look for, of different sizes.
+/// Classes that are asked for first if they are seen well: objects that people look for.
 const PREFERRED: [&str; 16] = [
     "sofa",
     "chair",
@@ -41,13 +40,13 @@ const ANYWHERE: [&str; QUESTIONS] = ["sofa", "chair", "table", "lamp", "potted p
 /// The frame that shows a class best.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sight {
-    /// What is seen.
+    /// The class.
     pub class: String,
     /// Position of the frame in the data set.
     pub index: usize,
-    /// Pixels of the class in it, those of cut-off things counting a quarter.
+    /// Pixels of the class in it; those of cut-off objects count a quarter.
     pub pixels: usize,
-    /// Pixels of the frame.
+    /// Number of pixels of the frame.
     pub of: usize,
 }
 
@@ -57,10 +56,10 @@ impl Sight {
     }
 }
 
-/// Enters one frame's mask: keeps for each class the sight with most pixels; of equals the first.
+/// Adds the mask of a frame: keeps for each class the frame with most pixels, the first of equals.
 pub fn look(sights: &mut Vec<Sight>, instances: &[Instance], index: usize, mask: &Mask) {
     let (width, height) = (mask.width as usize, mask.height as usize);
-    // Of each instance: its pixels, and whether it reaches the border.
+    // For each instance: its pixels, and whether it touches the border.
     let mut seen: HashMap<u16, (usize, bool)> = HashMap::new();
     for (at, id) in mask.ids.iter().enumerate() {
         let (row, column) = (at / width, at % width);
@@ -86,7 +85,7 @@ pub fn look(sights: &mut Vec<Sight>, instances: &[Instance], index: usize, mask:
     }
 }
 
-/// The classes to ask for: of those that are seen well the preferred first, then the largest.
+/// The classes to ask for: preferred classes that are seen well first, then the largest ones.
 pub fn choose(mut sights: Vec<Sight>, classes: &[String]) -> Vec<Sight> {
     sights.retain(|sight| classes.contains(&sight.class));
     sights.sort_by_cached_key(|sight| {
@@ -101,7 +100,7 @@ pub fn choose(mut sights: Vec<Sight>, classes: &[String]) -> Vec<Sight> {
     sights
 }
 
-/// What is asked of a data set without ground truth.
+/// The questions for a data set without ground truth.
 pub fn usual(kind: &DatasetSpec) -> Vec<String> {
     let words = match kind {
         DatasetSpec::SevenScenes(_) => IN_SEVEN_SCENES,
@@ -110,7 +109,7 @@ pub fn usual(kind: &DatasetSpec) -> Vec<String> {
     words.map(str::to_owned).to_vec()
 }
 
-/// Up to eight of a list, evenly spread, with the first and the last.
+/// Up to eight items of a list, evenly spaced, with the first and the last.
 pub fn spread<T: Copy>(all: &[T]) -> Vec<T> {
     if all.len() <= TRIED_FRAMES {
         return all.to_vec();

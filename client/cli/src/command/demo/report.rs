@@ -1,5 +1,5 @@
-//! What the demonstration shows: a table of answers, and a folder with a picture and a heat map for
-//! each question, a contact sheet and a page. In: answers, the frames they are about. Out: text, files.
+//! The results of the demo: a table of answers, and a folder with an image and a heat map for each
+//! question, a contact sheet and a page.
 
 use super::ask::Asked;
 use crate::answer::{BOX, MOST_BOXES, best_object, metres, shown};
@@ -12,11 +12,11 @@ use lexsplat_evaluate::overlay;
 use lexsplat_evaluate::table::{Column, table};
 use std::path::Path;
 
-/// Larger pictures are shown at this width.
+/// Larger images are scaled down to this width, pixels.
 const PICTURE_COLUMNS: u32 = 480;
 const JPEG_QUALITY: u8 = 88;
 
-/// All answers as a table, and how many are right.
+/// A table of all answers.
 pub fn answers_table(asked: &[Asked]) -> String {
     let columns = [
         Column::left("question"),
@@ -55,7 +55,7 @@ fn mark(right: bool) -> &'static str {
     if right { "✓" } else { "✗" }
 }
 
-/// How many answers ground truth agrees with; nothing if it was asked about none.
+/// A line with the number of right answers; `None` if ground truth has none of the classes.
 pub fn verdicts(asked: &[Asked]) -> Option<String> {
     let judged: Vec<_> = asked.iter().filter_map(|one| one.verdict).collect();
     let peaks = judged.iter().filter(|verdict| verdict.peak_inside).count();
@@ -69,7 +69,7 @@ pub fn verdicts(asked: &[Asked]) -> Option<String> {
     })
 }
 
-/// One answer as a picture: the frame with the boxes beside the map's view with the heat.
+/// An image of an answer: the frame with boxes beside the rendered view with the heat map.
 pub fn picture(one: &Asked, frame: &RgbImage, render: &RgbImage) -> RgbImage {
     let mut left = frame.clone();
     for bounds in one.seen.boxes.iter().flatten().take(MOST_BOXES) {
@@ -101,7 +101,7 @@ fn caption(one: &Asked) -> String {
     format!("{}, frame {}, {score:.2}{hit}", one.text, one.view.sequence)
 }
 
-/// A name for files: letters and digits, in small, with dashes between.
+/// A file name: lower-case letters and digits, with dashes between words.
 pub fn slug(text: &str) -> String {
     let simple = |c: char| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' };
     let words: String = text.chars().map(simple).collect();
