@@ -57,7 +57,7 @@ impl CompressorConfig {
     ///
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         within("compressor.code_size", self.code_size, 1..=GENERIC_SIZE)?;
         within("compressor.tolerance", self.tolerance, 0.0..=1.0)?;
         above("compressor.learning_rate", self.learning_rate, 0.0)?;

@@ -50,7 +50,7 @@ impl LanguageConfig {
     ///
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         within("language.threads", self.threads, 0..=MAX_THREADS)?;
         at_least("language.queue", self.queue, 1)?;
         at_least("language.label_columns", self.label_columns, 1)

@@ -20,7 +20,7 @@ pub use config::LanguageConfig;
 pub use error::LanguageError;
 pub use labels::Embed;
 pub use language_map::{LanguageMap, LanguageTiming};
-pub use thread::LanguageThread;
+pub(crate) use thread::LanguageThread;
 pub use vision::Vision;
 
 #[cfg(test)]

@@ -94,7 +94,7 @@ impl Bundle {
     }
 
     /// The bundle's name, from its manifest.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 

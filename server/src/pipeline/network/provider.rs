@@ -34,7 +34,7 @@ impl Provider {
     }
 
     /// Name in the settings.
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
             Self::Cuda => "cuda",

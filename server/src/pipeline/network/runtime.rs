@@ -98,12 +98,12 @@ impl Network {
     }
 
     /// Names of the inputs, in the manifest's order.
-    pub fn input_names(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn input_names(&self) -> impl Iterator<Item = &str> {
         self.inputs.iter().map(|(name, _)| name.as_str())
     }
 
     /// Size of an axis of an input, if the graph fixes it.
-    pub fn declared_input_size(&self, input: usize, axis: usize) -> Option<usize> {
+    pub(super) fn declared_input_size(&self, input: usize, axis: usize) -> Option<usize> {
         let (name, _) = &self.inputs[input];
         let outlet = self.session.inputs().iter().find(|outlet| outlet.name() == name)?;
         usize::try_from(*outlet.dtype().tensor_shape()?.get(axis)?).ok()

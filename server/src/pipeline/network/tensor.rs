@@ -112,7 +112,7 @@ impl Tensor {
     ///
     /// # Panics
     /// If the length of `data` is not the product of `shape`.
-    pub fn ints(shape: &[usize], data: Vec<i64>) -> Self {
+    pub(super) fn ints(shape: &[usize], data: Vec<i64>) -> Self {
         Self::new(shape, data)
     }
 
@@ -149,7 +149,7 @@ impl Tensor {
     ///
     /// # Panics
     /// If it was made in another way.
-    pub fn floats_mut(&mut self) -> &mut [f32] {
+    pub(crate) fn floats_mut(&mut self) -> &mut [f32] {
         let (_, data) =
             self.0.try_extract_tensor_mut().expect("the tensor was made by Self::floats");
         data
@@ -172,7 +172,7 @@ impl Tensor {
     }
 
     /// Size of each axis.
-    pub fn shape(&self) -> Vec<usize> {
+    pub(crate) fn shape(&self) -> Vec<usize> {
         let shape = self.0.dtype().tensor_shape().expect("the value is a tensor");
         shape.iter().map(|&size| size as usize).collect()
     }

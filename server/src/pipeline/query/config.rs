@@ -66,7 +66,7 @@ impl QueryConfig {
     ///
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         at_least("query.queue", self.queue, 1)?;
         within("query.smoothing_pixels", self.smoothing_pixels, 0..=MAX_VIEW_SIDE)?;
         if let Some(threshold) = self.threshold {

@@ -99,7 +99,7 @@ pub enum QueryError {
 
 impl QueryError {
     /// The field of the request that is at fault; `None` if the request is not at fault.
-    pub fn field(&self) -> Option<&'static str> {
+    pub(crate) fn field(&self) -> Option<&'static str> {
         match self {
             Self::UnknownFrame { .. } => Some("view.frame"),
             Self::EmptyText { field }

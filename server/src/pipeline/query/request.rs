@@ -65,7 +65,7 @@ pub struct Bounds {
 
 impl Bounds {
     /// Whether a point is in the box or on its border.
-    pub fn contains(&self, point: &Point3<f32>) -> bool {
+    pub(crate) fn contains(&self, point: &Point3<f32>) -> bool {
         (0..3).all(|axis| (self.min[axis]..=self.max[axis]).contains(&point[axis]))
     }
 }

@@ -72,7 +72,7 @@ impl QueryThread {
     ///
     /// # Errors
     /// [`QueryError`] names the field at fault, or the failure.
-    pub async fn render(
+    pub(crate) async fn render(
         &self,
         snapshot: Arc<MapSnapshot>,
         request: RenderRequest,
@@ -85,7 +85,7 @@ impl QueryThread {
     ///
     /// # Errors
     /// [`QueryError`] names the field at fault, or the failure.
-    pub async fn relevancies(
+    pub(crate) async fn relevancies(
         &self,
         snapshot: Arc<MapSnapshot>,
         codes: Vec<f32>,
@@ -97,7 +97,7 @@ impl QueryThread {
     /// A function that embeds texts on the query thread, for other threads of the pipeline. It
     /// blocks, so the query thread itself must not call it. It does not keep the query thread
     /// alive.
-    pub fn embedder(&self) -> Embed {
+    pub(crate) fn embedder(&self) -> Embed {
         let queue = self.queue().downgrade();
         Box::new(move |text| {
             let stopped = || QueryError::Stopped.to_string();
