@@ -21,16 +21,17 @@ struct Job {
     reply: Reply,
 }
 
-/// A handle to the thread "language". Dropping it lets the thread finish its queue and waits for it.
+/// A handle to the thread "language". Dropping it lets the thread finish its queue and waits for
+/// it.
 pub struct LanguageThread {
-    /// `None` only while dropping.
+    /// `None` only during the drop.
     queue: Option<SyncSender<Job>>,
     watchers: RoomWatchers,
     thread: Option<JoinHandle<()>>,
 }
 
 impl LanguageThread {
-    /// Starts the thread and gives it the networks. `embed` makes features of labels' texts.
+    /// Starts the thread and gives it the networks. `embed` embeds the texts of labels.
     ///
     /// # Errors
     /// The system's error if it has no thread left.
@@ -49,8 +50,9 @@ impl LanguageThread {
         Ok(Self { queue: Some(queue), watchers, thread: Some(thread) })
     }
 
-    /// Queues a keyframe. `reply` runs on the language thread and must not block for long. If the queue is
-    /// full, `on_room` runs there as soon as it has room again, so that nobody needs to poll.
+    /// Queues a keyframe. `reply` runs on the language thread and must not block for long. If the
+    /// queue is full, `on_room` runs there as soon as it has room again, so that callers need not
+    /// poll.
     ///
     /// # Errors
     /// Gives the frame back if the queue is full or the thread has ended.
@@ -70,8 +72,8 @@ impl LanguageThread {
             Err(TrySendError::Disconnected(job)) => Err(job.frame),
             Err(TrySendError::Full(job)) => {
                 lock(&self.watchers).push(Box::new(on_room));
-                // The thread may have taken a job before it could see the callback. If the queue is still
-                // full now, the next job that it takes calls back.
+                // The thread may have taken a job before it could see the callback. If the queue is
+                // still full now, the next job that it takes calls back.
                 queue.try_send(job).map_err(|refused| match refused {
                     TrySendError::Full(job) | TrySendError::Disconnected(job) => job.frame,
                 })

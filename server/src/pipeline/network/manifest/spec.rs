@@ -76,7 +76,7 @@ pub struct RelevancySpec {
 
 /// One ONNX file and those of its tensors that are used, in order.
 #[derive(Clone, Debug)]
-pub(in crate::pipeline::network) struct GraphSpec {
+pub(crate) struct GraphSpec {
     pub file: String,
     pub inputs: Vec<String>,
     pub outputs: Vec<String>,
@@ -84,7 +84,7 @@ pub(in crate::pipeline::network) struct GraphSpec {
 
 /// Graphs from an image to generic codes.
 #[derive(Clone, Debug)]
-pub(in crate::pipeline::network) enum VisionSpec {
+pub(crate) enum VisionSpec {
     /// One graph: image -> codes. The optional compressor (features -> codes) is for labels that
     /// come with a frame.
     EndToEnd { graph: GraphSpec, compressor: Option<GraphSpec> },
@@ -94,7 +94,7 @@ pub(in crate::pipeline::network) enum VisionSpec {
 
 /// The text tower: text -> embedding.
 #[derive(Clone, Debug)]
-pub(in crate::pipeline::network) struct TextSpec {
+pub(crate) struct TextSpec {
     pub graph: GraphSpec,
     pub tokenizer: String,
     pub max_tokens: usize,
@@ -102,7 +102,7 @@ pub(in crate::pipeline::network) struct TextSpec {
 
 /// A checked manifest.
 #[derive(Clone, Debug)]
-pub(in crate::pipeline::network) struct Manifest {
+pub(crate) struct Manifest {
     pub name: String,
     pub version: String,
     pub licence: String,
@@ -121,11 +121,7 @@ pub(in crate::pipeline::network) struct Manifest {
 
 impl Manifest {
     /// The bytes of one of the bundle's files, after a check of its SHA-256.
-    pub(in crate::pipeline::network) fn bytes(
-        &self,
-        folder: &Path,
-        file: &str,
-    ) -> Result<Vec<u8>, ManifestError> {
+    pub(crate) fn bytes(&self, folder: &Path, file: &str) -> Result<Vec<u8>, ManifestError> {
         let inside = Path::new(file).components().all(|part| matches!(part, Component::Normal(_)));
         if !inside {
             let expected = "a path below the bundle's folder".into();

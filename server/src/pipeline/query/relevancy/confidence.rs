@@ -13,7 +13,7 @@ const DEFAULT_STEEPNESS: f32 = 20.0;
 
 /// The logistic curve from score to confidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::pipeline::query) struct Calibration {
+pub(crate) struct Calibration {
     /// The score with a confidence of one half.
     midpoint: f32,
     steepness: f32,
@@ -21,17 +21,13 @@ pub(in crate::pipeline::query) struct Calibration {
 
 impl Calibration {
     /// `steepness` is greater than 0; `None`: a default.
-    pub(in crate::pipeline::query) fn new(midpoint: f32, steepness: Option<f32>) -> Self {
+    pub(crate) fn new(midpoint: f32, steepness: Option<f32>) -> Self {
         Self { midpoint, steepness: steepness.unwrap_or(DEFAULT_STEEPNESS) }
     }
 
     /// Confidence, 0..1, from the `least`-th largest relevancy; 0 if there are fewer. Relevancies
     /// of 0 mean "no language" and do not count.
-    pub(in crate::pipeline::query) fn confidence(
-        &self,
-        relevancies: impl Iterator<Item = f32>,
-        least: usize,
-    ) -> f32 {
+    pub(crate) fn confidence(&self, relevancies: impl Iterator<Item = f32>, least: usize) -> f32 {
         let mut scores: Vec<f32> = relevancies.filter(|score| *score > 0.0).collect();
         if scores.len() < least || least == 0 {
             return 0.0;
@@ -42,7 +38,7 @@ impl Calibration {
 }
 
 /// Whether a confidence means that the map contains what was asked for.
-pub(in crate::pipeline::query) fn is_present(confidence: f32) -> bool {
+pub(crate) fn is_present(confidence: f32) -> bool {
     confidence >= 0.5
 }
 

@@ -12,7 +12,7 @@ use ndarray::Array2;
 const LANES: usize = 16;
 
 /// A stored number of a feature.
-pub(in crate::pipeline::query) trait Component: Copy + Sync {
+pub(crate) trait Component: Copy + Sync {
     /// In single precision.
     fn to_single(self) -> f32;
 }
@@ -31,7 +31,7 @@ impl Component for bf16 {
 }
 
 /// Features as they are stored in the cache.
-pub(in crate::pipeline::query) fn to_bf16(features: &[f32]) -> impl Iterator<Item = bf16> {
+pub(crate) fn to_bf16(features: &[f32]) -> impl Iterator<Item = bf16> {
     features.iter().copied().map(bf16::from_f32)
 }
 

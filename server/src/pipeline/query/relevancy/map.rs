@@ -4,7 +4,7 @@ use crate::pipeline::bilinear;
 
 /// The relevancy of each pixel, `[height * width]`, row-major.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::pipeline::query) struct RelevancyMap {
+pub(crate) struct RelevancyMap {
     pub width: usize,
     pub height: usize,
     pub values: Vec<f32>,
@@ -18,14 +18,14 @@ impl RelevancyMap {
     }
 
     /// The map at another size, of the same area.
-    pub(in crate::pipeline::query) fn resized(&self, width: usize, height: usize) -> Self {
+    pub(crate) fn resized(&self, width: usize, height: usize) -> Self {
         let values = bilinear::resized(&self.values, (self.width, self.height), (width, height));
         Self { width, height, values }
     }
 
     /// The mean over a square of `side` pixels. Beyond its border the image is mirrored at the
     /// border pixels ("reflect 101"). An even square extends one pixel further to the left and up.
-    pub(in crate::pipeline::query) fn smoothed(&self, side: usize) -> Self {
+    pub(crate) fn smoothed(&self, side: usize) -> Self {
         if side <= 1 {
             return self.clone();
         }

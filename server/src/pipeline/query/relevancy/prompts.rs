@@ -17,13 +17,13 @@ const BATCH: usize = 1024;
 
 /// Parameters from cosines to relevancy.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::pipeline::query) struct Scale {
+pub(crate) struct Scale {
     pub temperature: f32,
     pub bias: f32,
 }
 
 /// Embedded texts and negatives.
-pub(in crate::pipeline::query) struct Prompts {
+pub(crate) struct Prompts {
     scale: Scale,
     texts: usize,
     /// The texts, then the negatives, `[texts + negatives, D]`, unit length.
@@ -32,11 +32,7 @@ pub(in crate::pipeline::query) struct Prompts {
 
 impl Prompts {
     /// Embeddings `[D]` of unit length, at least one text and one negative.
-    pub(in crate::pipeline::query) fn new(
-        scale: Scale,
-        texts: &[Arc<[f32]>],
-        negatives: &[Arc<[f32]>],
-    ) -> Self {
+    pub(crate) fn new(scale: Scale, texts: &[Arc<[f32]>], negatives: &[Arc<[f32]>]) -> Self {
         assert!(!texts.is_empty() && !negatives.is_empty(), "at least one text and one negative");
         let mut embeddings = Array2::zeros((0, texts[0].len()));
         for embedding in texts.iter().chain(negatives) {
@@ -47,12 +43,12 @@ impl Prompts {
     }
 
     /// Number of texts, without the negatives.
-    pub(in crate::pipeline::query) fn texts(&self) -> usize {
+    pub(crate) fn texts(&self) -> usize {
         self.texts
     }
 
     /// Relevancies `[n, texts]`, 0..1, of features `[n, D]` of unit length.
-    pub(in crate::pipeline::query) fn relevancies<T: Component>(&self, features: &[T]) -> Vec<f32> {
+    pub(crate) fn relevancies<T: Component>(&self, features: &[T]) -> Vec<f32> {
         let Scale { temperature, bias } = self.scale;
         let size = self.embeddings.ncols();
         features

@@ -14,7 +14,7 @@ use lexsplat_gpu::{Camera, ColorImage};
 const MIN_OPACITY: f32 = 0.5;
 
 /// Renders the requested image.
-pub(in crate::pipeline::query) fn render(
+pub(crate) fn render(
     scene: &mut Scene,
     palettes: &mut PaletteCache,
     snapshot: &MapSnapshot,
@@ -53,7 +53,7 @@ fn exposure(snapshot: &MapSnapshot, view: &View) -> [f32; 2] {
 }
 
 /// Mean depth of each pixel, metres; 0 where the opacity is below `min_opacity`.
-pub(in crate::pipeline::query) fn depth(image: &ColorImage, min_opacity: f32) -> Vec<f32> {
+pub(crate) fn depth(image: &ColorImage, min_opacity: f32) -> Vec<f32> {
     let pixel = |(&depth, &opacity): (&f32, &f32)| {
         if opacity > min_opacity { depth / opacity } else { 0.0 }
     };

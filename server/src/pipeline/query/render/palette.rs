@@ -21,7 +21,7 @@ pub(super) struct Palette {
 
 /// The palette of the most recent snapshot: all its views have the same colors.
 #[derive(Default)]
-pub(in crate::pipeline::query) struct PaletteCache {
+pub(crate) struct PaletteCache {
     last: Option<(Arc<HostGaussians>, Palette)>,
 }
 

@@ -7,7 +7,7 @@ use lexsplat_gpu::{
 use std::sync::Arc;
 
 /// A renderer with the Gaussians of one snapshot.
-pub(in crate::pipeline::query) struct Scene {
+pub(crate) struct Scene {
     gpu: Gpu,
     loaded: Option<Loaded>,
 }
@@ -20,12 +20,12 @@ struct Loaded {
 }
 
 impl Scene {
-    pub(in crate::pipeline::query) fn new(gpu: Gpu) -> Self {
+    pub(crate) fn new(gpu: Gpu) -> Self {
         Self { gpu, loaded: None }
     }
 
     /// Color, depth and opacity of a view.
-    pub(in crate::pipeline::query) fn color(
+    pub(crate) fn color(
         &mut self,
         snapshot: &MapSnapshot,
         camera: &Camera,
@@ -35,7 +35,7 @@ impl Scene {
     }
 
     /// Codes and opacity of a view.
-    pub(in crate::pipeline::query) fn language(
+    pub(crate) fn language(
         &mut self,
         snapshot: &MapSnapshot,
         camera: &Camera,

@@ -12,7 +12,7 @@ use lexsplat_gpu::HostGaussians;
 use std::sync::Arc;
 
 /// Features of one snapshot.
-pub(in crate::pipeline::query) struct SpaceFeatures {
+pub(crate) struct SpaceFeatures {
     gaussians: Arc<HostGaussians>,
     /// Indices of the Gaussians with language, in order.
     rows: Vec<u32>,
@@ -21,19 +21,19 @@ pub(in crate::pipeline::query) struct SpaceFeatures {
 }
 
 /// The features of the most recent snapshot.
-pub(in crate::pipeline::query) struct SpaceFeatureCache {
+pub(crate) struct SpaceFeatureCache {
     limit_bytes: usize,
     last: Option<SpaceFeatures>,
 }
 
 impl SpaceFeatureCache {
     /// Caches features of at most `limit_mib` MiB.
-    pub(in crate::pipeline::query) fn new(limit_mib: usize) -> Self {
+    pub(crate) fn new(limit_mib: usize) -> Self {
         Self { limit_bytes: limit_mib << 20, last: None }
     }
 
     /// The features of a snapshot; they are decoded now if they are not cached and fit.
-    pub(in crate::pipeline::query) fn features(
+    pub(crate) fn features(
         &mut self,
         decoder: &mut FeatureDecoder,
         snapshot: &MapSnapshot,

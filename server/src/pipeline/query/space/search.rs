@@ -15,7 +15,7 @@ use crate::pipeline::query::search::{Findings, Search};
 use crate::pipeline::snapshot::MapSnapshot;
 
 /// Objects and points of a query, and its confidence.
-pub(in crate::pipeline::query) fn search(
+pub(crate) fn search(
     search: &Search<'_>,
     features: &SpaceFeatures,
     decoder: &mut FeatureDecoder,
@@ -62,7 +62,7 @@ fn opaque_gaussians(
 
 /// The label of each Gaussian that has language and is opaque enough: the most relevant text above
 /// the threshold.
-pub(in crate::pipeline::query) fn segment(
+pub(crate) fn segment(
     features: &SpaceFeatures,
     decoder: &mut FeatureDecoder,
     snapshot: &MapSnapshot,

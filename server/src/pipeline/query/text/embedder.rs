@@ -8,7 +8,7 @@ use crate::pipeline::query::relevancy::{Prompts, Scale};
 use std::sync::Arc;
 
 /// The text tower with its cache.
-pub(in crate::pipeline::query) struct TextEmbedder {
+pub(crate) struct TextEmbedder {
     tower: TextTower,
     scale: Scale,
     canonical_negatives: Vec<String>,
@@ -17,11 +17,7 @@ pub(in crate::pipeline::query) struct TextEmbedder {
 
 impl TextEmbedder {
     /// Caches the embeddings of at most `capacity` texts, at least 1.
-    pub(in crate::pipeline::query) fn new(
-        tower: TextTower,
-        relevancy: RelevancySpec,
-        capacity: usize,
-    ) -> Self {
+    pub(crate) fn new(tower: TextTower, relevancy: RelevancySpec, capacity: usize) -> Self {
         let RelevancySpec { temperature, bias, negatives, .. } = relevancy;
         let scale = Scale { temperature, bias };
         let cache = EmbeddingCache::new(capacity);
@@ -30,7 +26,7 @@ impl TextEmbedder {
 
     /// Embeds texts and negatives; without negatives, the bundle's. `field` is the name of the
     /// texts in the request.
-    pub(in crate::pipeline::query) fn prompts(
+    pub(crate) fn prompts(
         &mut self,
         field: &'static str,
         texts: &[String],
@@ -48,7 +44,7 @@ impl TextEmbedder {
     }
 
     /// The embedding of a text, `[D]`, unit length.
-    pub(in crate::pipeline::query) fn embed(
+    pub(crate) fn embed(
         &mut self,
         field: &'static str,
         text: &str,

@@ -22,7 +22,7 @@ const MIN_OPACITY: f32 = 0.5;
 const MIN_LENGTH: f32 = 0.2;
 
 /// Features of those pixels of a low-resolution image that have language.
-pub(in crate::pipeline::query) struct ViewFeatures {
+pub(crate) struct ViewFeatures {
     width: usize,
     height: usize,
     /// Indices of the pixels with language, in order.
@@ -33,17 +33,13 @@ pub(in crate::pipeline::query) struct ViewFeatures {
 
 impl ViewFeatures {
     /// Share of the pixels with language.
-    pub(in crate::pipeline::query) fn coverage(&self) -> f32 {
+    pub(crate) fn coverage(&self) -> f32 {
         self.pixels.len() as f32 / (self.width * self.height) as f32
     }
 
     /// For each text the relevancy of each pixel at the size of the view, not smoothed; 0 where
     /// there is no language.
-    pub(in crate::pipeline::query) fn relevancy(
-        &self,
-        prompts: &Prompts,
-        camera: &Camera,
-    ) -> Vec<RelevancyMap> {
+    pub(crate) fn relevancy(&self, prompts: &Prompts, camera: &Camera) -> Vec<RelevancyMap> {
         let relevancies = prompts.relevancies(&self.features);
         let texts = prompts.texts();
         (0..texts)
@@ -64,14 +60,14 @@ impl ViewFeatures {
 
 /// The features of the most recent view: successive questions are often about the same one.
 #[derive(Default)]
-pub(in crate::pipeline::query) struct ViewFeatureCache {
+pub(crate) struct ViewFeatureCache {
     last: Option<(Arc<HostGaussians>, Camera, Arc<ViewFeatures>)>,
 }
 
 impl ViewFeatureCache {
     /// The features of a view of at most `columns` columns, rendered and decoded if they are not
     /// cached. Adds the durations to `timing`.
-    pub(in crate::pipeline::query) fn features(
+    pub(crate) fn features(
         &mut self,
         scene: &mut Scene,
         decoder: &mut FeatureDecoder,

@@ -9,11 +9,7 @@ use crate::pipeline::query::search::{Findings, Search};
 use lexsplat_gpu::Camera;
 
 /// Heat map, mask, boxes and peak of a query, and its confidence.
-pub(in crate::pipeline::query) fn search(
-    search: &Search<'_>,
-    features: &ViewFeatures,
-    camera: &Camera,
-) -> Findings {
+pub(crate) fn search(search: &Search<'_>, features: &ViewFeatures, camera: &Camera) -> Findings {
     let Search { query, threshold, .. } = *search;
     let side = search.config.smoothing(query.smoothing_pixels, camera.width);
     let relevancy = features.relevancy(search.prompts, camera).swap_remove(0).smoothed(side);
@@ -36,7 +32,7 @@ pub(in crate::pipeline::query) fn search(
 
 /// The label of each pixel: the most relevant text above the threshold. `side` is that of the mean
 /// filter, pixels.
-pub(in crate::pipeline::query) fn segment(
+pub(crate) fn segment(
     features: &ViewFeatures,
     prompts: &Prompts,
     camera: &Camera,
