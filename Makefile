@@ -1,4 +1,5 @@
-# The commands of lexsplat. Each sets up what it needs.
+# The commands of lexsplat. Each sets up what it needs. `make demo` builds the same packages with the same
+# features as `make test`, so that dependencies are built once for both.
 .DEFAULT_GOAL := help
 DATASET ?= synthetic:7
 KEEP ?= 0
@@ -15,9 +16,8 @@ deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
 
 demo: deps ## Build, map a room, ask five questions, write heat maps into demo-out/
 	@echo 'building lexsplat: minutes the first time, seconds from then on'
-	@cargo build --release -p lexsplat-server -p lexsplat-cli \
-	  || { echo 'error: the build failed, see above' >&2; exit 1; }
-	@target/release/lexsplat demo --dataset '$(DATASET)' $(if $(filter 1,$(KEEP)),--keep)
+	@cargo build --workspace --bins || { echo 'error: the build failed, see above' >&2; exit 1; }
+	@target/debug/lexsplat demo --dataset '$(DATASET)' $(if $(filter 1,$(KEEP)),--keep)
 
 test: lint ## Lints, and every test
 	@deploy/setup.sh --tests
