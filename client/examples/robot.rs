@@ -1,5 +1,5 @@
-//! A robot in about 70 lines: streams the frames of a folder in Replica layout with their poses, prints
-//! every acknowledgement, and asks one question about the whole map.
+//! A robot in about 70 lines: streams the frames of a folder in Replica layout with their poses,
+//! prints every acknowledgement, and asks one question about the whole map.
 //!
 //! ```sh
 //! lexsplat synth --seed 7 --frames 40 room7
@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The server is at 127.0.0.1:50051 (gRPC) and 127.0.0.1:8080 (HTTP), or where `LEXSPLAT_GRPC` and
-//! `LEXSPLAT_HTTP` say. On a robot, take frames from the camera instead of [`Replica`]: color as JPEG
-//! or PNG, depth as 16-bit PNG of the same pixels, and the pose `world_from_camera` in metres.
+//! `LEXSPLAT_HTTP` say. On a robot, take frames from the camera instead of [`Replica`]: color as
+//! JPEG or PNG, depth as 16-bit PNG of the same pixels, and the pose `world_from_camera` in metres.
 
 use lexsplat_client::dataset::{Dataset, DatasetError, Replica};
 use lexsplat_client::http::{Answer, HttpClient, Question};

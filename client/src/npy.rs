@@ -1,5 +1,5 @@
-//! Arrays in the server's answers: NumPy's `.npy`, float32, little-endian, C order. The `npyz` crate
-//! reads them; arrays of other kinds are refused.
+//! Arrays in the server's answers: NumPy's `.npy`, float32, little-endian, C order. The `npyz`
+//! crate reads them; arrays of other kinds are refused.
 
 use npyz::{NpyFile, NpyHeader, Order};
 
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_refused_with_the_field() {
+    fn other_files_are_refused_with_the_field_at_fault() {
         let error = |bytes: &[u8]| read(bytes).unwrap_err().to_string();
         for bytes in [&b""[..], b"\x89PNG\r\n\x1a\n and more", &file(HEADER, &[])[..40]] {
             assert!(error(bytes).starts_with("npy header: "), "{}", error(bytes));

@@ -1,5 +1,5 @@
-//! A robot links what the library depends on, so its dependency tree stays small: no network runtime,
-//! no plots, no command line, no thread pool.
+//! A robot links what the library depends on, so its dependency tree stays small: no network
+//! runtime, no plots, no command line, no thread pool.
 
 use std::collections::BTreeSet;
 use std::process::Command;

@@ -1,5 +1,5 @@
-//! A server process: started on free ports, awaited until it is ready, stopped by SIGTERM. Its log goes to
-//! a file; errors show the last lines of it.
+//! A server process: started on free ports, awaited until it is ready, stopped by SIGTERM. Its log
+//! goes to a file; errors show the last lines of it.
 
 use anyhow::{Context as _, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
@@ -165,7 +165,8 @@ impl Drop for Server {
     }
 }
 
-/// The first line of the child's output. The rest is read and dropped, so that the child never blocks.
+/// The first line of the child's output. The rest is read and dropped, so that the child never
+/// blocks.
 fn first_line(child: &mut Child) -> Result<oneshot::Receiver<String>> {
     let output = child.stdout.take().context("the server has no standard output")?;
     let (sender, receiver) = oneshot::channel();
@@ -237,7 +238,7 @@ mod tests {
     const WAIT: &str = "while :; do sleep 0.05; done";
 
     #[tokio::test]
-    async fn it_is_started_heard_and_stopped() {
+    async fn a_server_is_started_awaited_and_stopped() {
         let _alone = ONE_AT_A_TIME.lock().await;
         let folder = Folder::new("server-good");
         let plan = folder.plan(&format!("trap 'exit 0' TERM; {READY}; {WAIT}"));
@@ -247,7 +248,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_bad_end_is_told() {
+    async fn a_failed_exit_is_an_error_with_the_end_of_the_log() {
         let _alone = ONE_AT_A_TIME.lock().await;
         let folder = Folder::new("server-bad-end");
         let plan = folder.plan(&format!("trap 'echo oh no >&2; exit 3' TERM; {READY}; {WAIT}"));
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_server_that_does_not_start_shows_its_last_words() {
+    async fn a_server_that_does_not_start_shows_the_end_of_its_log() {
         let _alone = ONE_AT_A_TIME.lock().await;
         let folder = Folder::new("server-no-start");
         let plan = folder.plan("for i in $(seq 30); do echo line $i >&2; done; exit 1");

@@ -1,10 +1,11 @@
-//! Distances between point clouds, metres: Chamfer and earth mover's distance; voxel means; samples.
+//! Distances between point clouds, metres: Chamfer and earth mover's distance; voxel means;
+//! samples.
 //!
-//! Chamfer = mean over a of |a - nearest b| + mean over b of |b - nearest a|, not squared (paper §5,
-//! "3D localisation"). EMD = the mean distance of the best one-to-one pairing of two samples of
+//! Chamfer = mean over a of |a - nearest b| + mean over b of |b - nearest a|, not squared (paper
+//! §5, "3D localisation"). EMD = the mean distance of the best one-to-one pairing of two samples of
 //! equal size: exact, by shortest augmenting paths (D. Crouse, "On implementing 2D rectangular
-//! assignment algorithms", 2016, as in SciPy's `linear_sum_assignment`). Its only error is that of the
-//! sampling.
+//! assignment algorithms", 2016, as in SciPy's `linear_sum_assignment`). Its only error is that of
+//! the sampling.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_cloud_is_as_far_as_it_moved() {
+    fn the_distance_of_a_moved_cloud_is_its_motion() {
         // A lattice of 1 m, moved by less than half its spacing.
         let lattice: Vec<Point> =
             (0..64).map(|i| [i % 4, i / 4 % 4, i / 16].map(f64::from)).collect();
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_distance() {
+    fn empty_clouds_have_no_distance() {
         assert_eq!(chamfer(&[], &[[0.0; 3]]), None);
         assert_eq!(chamfer(&[[0.0; 3]], &[]), None);
         assert_eq!(earth_movers(&[], &[]), None);
@@ -215,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_without_repetition_as_far_as_there_are_points() {
+    fn samples_repeat_points_only_if_there_are_too_few() {
         let points: Vec<Point> = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let mut some: Vec<i64> = resampled(&points, 40).into_iter().map(|p| p[0] as i64).collect();
         some.sort_unstable();

@@ -55,7 +55,7 @@ pub enum EvaluateError {
         source: image::ImageError,
     },
     /// The server's trajectory is not TUM text, or an answer lacks its heat map or points.
-    #[error("the server answered badly: {reason}")]
+    #[error("malformed answer of the server: {reason}")]
     Answer {
         /// What is wrong with it.
         reason: String,

@@ -10,8 +10,8 @@ pub struct Heatmap {
 }
 
 impl Heatmap {
-    /// The mean over a square of `side` pixels. The image is mirrored at its outermost pixels. An even
-    /// side reaches one pixel further left and up. Sides 0 and 1 change nothing.
+    /// The mean over a square of `side` pixels. The image is mirrored at its outermost pixels. An
+    /// even side reaches one pixel further left and up. Sides 0 and 1 change nothing.
     pub fn smoothed(&self, side: usize) -> Self {
         if side < 2 {
             return self.clone();
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn the_peak_is_the_first_greatest_and_nothing_has_none() {
+    fn the_peak_is_the_first_maximum_and_an_empty_map_has_none() {
         let plane = |values: [f32; 6]| Heatmap { width: 3, values: values.to_vec() };
         assert_eq!(plane([0.1, f32::NAN, 0.3, 0.9, 0.2, 0.9]).peak(), Some((0, 1)));
         assert_eq!(plane([0.0; 6]).peak(), None);

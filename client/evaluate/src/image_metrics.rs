@@ -1,10 +1,10 @@
-//! Errors of rendered images: PSNR (decibels) and SSIM (0..1) of 8-bit RGB images scaled to 0..1, and
-//! the mean depth error (metres).
+//! Errors of rendered images: PSNR (decibels) and SSIM (0..1) of 8-bit RGB images scaled to 0..1,
+//! and the mean depth error (metres).
 //!
 //! PSNR = -10 log10 of the mean square over all pixels and channels. SSIM: Z. Wang et al., "Image
 //! quality assessment" (2004), Gaussian window of 11x11 with sigma 1.5, K1 = 0.01, K2 = 0.03, mean
-//! over channels and over the pixels with a full window. The released code of the paper pads with zeros
-//! and counts every pixel instead.
+//! over channels and over the pixels with a full window. The released code of the paper pads with
+//! zeros and counts every pixel instead.
 
 use image::RgbImage;
 
@@ -94,8 +94,8 @@ fn kernel() -> [f64; WINDOW] {
     weights.map(|weight| weight / sum)
 }
 
-/// The error over the pixels that are measured and rendered; `None` if there are none. 0 and NaN are
-/// no depth.
+/// The error over the pixels that are measured and rendered; `None` if there are none. 0 and NaN
+/// are no depth.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_counts_what_both_have() {
+    fn depth_error_is_over_pixels_that_both_have() {
         let measured = [1.0, 2.0, 0.0, 4.0, f32::NAN];
         let found = depth_error(&measured, &[1.5, 1.75, 9.0, 0.0, 3.0]).unwrap();
         assert_eq!(found, DepthError { l1_metres: 0.375, rendered_share: 2.0 / 3.0 });

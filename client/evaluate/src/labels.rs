@@ -13,7 +13,7 @@ pub const COUNTED_EVERY: usize = 5;
 pub const TEST_FRAMES: usize = 21;
 /// Fewest pixels with which a label counts in a frame.
 pub const LEAST_PIXELS: usize = 60;
-/// Side of the mean filter (paper), pixels of a frame of [`PAPER_COLUMNS`].
+/// Side of the mean filter (paper), pixels of a frame of 1200 columns.
 pub const SMOOTHING: usize = 20;
 /// Columns of the paper's frames; on others the filter is scaled in proportion.
 const PAPER_COLUMNS: usize = 1200;
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_filter_is_as_wide_a_share_of_every_frame() {
+    fn the_filter_is_scaled_with_the_frame() {
         assert_eq!([1200, 600, 640, 320].map(smoothing), [20, 10, 11, 5]);
     }
 }

@@ -1,11 +1,11 @@
-//! Queries about frames, scored against masks: the 2D protocol of the paper (§5), and the same without
-//! a threshold.
+//! Queries about frames, scored against masks: the 2D protocol of the paper (§5), and the same
+//! without a threshold.
 //!
-//! The labels are the classes with most pixels, walls, floor and ceiling included. The test frames are
-//! evenly spaced over the tracked frames that are no keyframe. In each of them every label is asked by
-//! its class name, and its relevancy map is fetched unsmoothed at frame size. A label counts in frames
-//! that show enough pixels of it. The value of a frame is the mean over its labels, that of the scene
-//! the mean over its frames. The constants are in [`crate::labels`].
+//! The labels are the classes with most pixels, walls, floor and ceiling included. The test frames
+//! are evenly spaced over the tracked frames that are no keyframe. In each of them every label is
+//! asked by its class name, and its relevancy map is fetched unsmoothed at frame size. A label
+//! counts in frames that show enough pixels of it. The value of a frame is the mean over its
+//! labels, that of the scene the mean over its frames. The constants are in [`crate::labels`].
 
 use crate::context::{Context, Relevancy};
 use crate::error::EvaluateError;
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn good_maps_score_well_and_exchanged_ones_badly() {
+    fn good_maps_score_well_and_swapped_ones_badly() {
         let ((sofa, on_sofa), (lamp, on_lamp)) = (block(4, 4, 0.95), block(44, 44, 0.95));
         let good = scores(&[sofa.clone(), lamp.clone()], &[on_sofa.clone(), on_lamp.clone()]);
         assert_eq!(good.len(), 2);
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_that_are_hardly_seen_do_not_count_and_no_language_is_a_miss() {
+    fn labels_with_few_pixels_do_not_count_and_missing_language_is_a_miss() {
         let ((sofa, on_sofa), (lamp, _)) = (block(4, 4, 0.9), block(44, 44, 0.9));
         let mut speck = vec![false; WIDTH * WIDTH];
         speck[..LEAST_PIXELS - 1].fill(true);
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_weigh_alike_however_many_labels_they_show() {
+    fn frames_have_equal_weight_whatever_their_labels() {
         let score = |sequence, iou_paper| LabelScore {
             sequence,
             label: "sofa".into(),

@@ -1,7 +1,7 @@
-//! LPIPS, the perceptual distance of two images (R. Zhang et al., "The Unreasonable Effectiveness of Deep
-//! Features as a Perceptual Metric", 2018), computed by a network from an ONNX file: two inputs
-//! `[1, 3, height, width]` in -1..1 of any size, one output of one number, 0 for equal images. No
-//! network is shipped.
+//! LPIPS, the perceptual distance of two images (R. Zhang et al., "The Unreasonable Effectiveness
+//! of Deep Features as a Perceptual Metric", 2018), computed by a network from an ONNX file: two
+//! inputs `[1, 3, height, width]` in -1..1 of any size, one output of one number, 0 for equal
+//! images. No network is shipped.
 
 use image::RgbImage;
 use ort::environment::Environment;
@@ -10,7 +10,8 @@ use ort::value::{TensorElementType, TensorRef};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// The environment variable with the path of ONNX Runtime's library, as in all programs that use `ort`.
+/// The environment variable with the path of ONNX Runtime's library, as in all programs that use
+/// `ort`.
 const RUNTIME_VARIABLE: &str = "ORT_DYLIB_PATH";
 
 /// LPIPS cannot be computed.
@@ -135,7 +136,7 @@ impl Lpips {
 /// The environment of the process; ONNX Runtime allows only one.
 fn environment(library: &Path) -> Result<Environment, String> {
     static OPENED: Mutex<Option<Environment>> = Mutex::new(None);
-    let mut opened = OPENED.lock().expect("nobody panics while opening the environment");
+    let mut opened = OPENED.lock().expect("opening the environment does not panic");
     if let Some(environment) = &*opened {
         return Ok(environment.clone());
     }
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_says_how_far_apart_pictures_are() {
+    fn a_network_gives_the_distance_of_two_images() {
         let mut lpips = Lpips::load_with(&network("weighed.onnx"), &library()).unwrap();
         let flat = |rgb| RgbImage::from_pixel(20, 12, image::Rgb(rgb));
         let (black, other) = (flat([0; 3]), flat([51, 0, 102]));

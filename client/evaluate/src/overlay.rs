@@ -36,8 +36,8 @@ pub fn turbo(value: f32) -> Rgb<u8> {
     }))
 }
 
-/// Colors an image by relevancies `[height, width]`: the higher, the stronger. Pixels without relevancy
-/// keep their color. The map is scaled to the image (nearest pixel).
+/// Colors an image by relevancies `[height, width]`: the higher, the stronger. Pixels without
+/// relevancy keep their color. The map is scaled to the image (nearest pixel).
 ///
 /// # Panics
 /// If the array does not have two axes of at least one pixel.
@@ -95,8 +95,8 @@ pub fn ring(picture: &mut RgbImage, x: f32, y: f32) {
     }
 }
 
-/// The image below a caption on a dark band. Long captions are cut; letters that the font lacks are left
-/// out.
+/// The image below a caption on a dark band. Long captions are cut; letters that the font lacks are
+/// left out.
 pub fn captioned(picture: &RgbImage, words: &str) -> RgbImage {
     let mut out = RgbImage::from_pixel(picture.width(), picture.height() + BAND, INK);
     imageops::replace(&mut out, picture, 0, i64::from(BAND));
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_relevant_is_colored_and_the_picture_stays() {
+    fn only_relevant_pixels_are_colored() {
         let relevancy = Array { shape: vec![1, 4], values: vec![0.1, 0.5, f32::NAN, 0.9] };
         let out = heat(&grey(8, 2), &relevancy);
         assert_eq!(colored(&out), 4, "a quarter of the pixels");
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn sheets_have_room_for_all() {
+    fn a_sheet_holds_all_images() {
         let sheet = stacked(&[grey(10, 4), beside(&grey(6, 5), &grey(6, 3))]);
         assert_eq!(sheet.dimensions(), (12, 9));
         assert_eq!(*sheet.get_pixel(11, 0), INK);

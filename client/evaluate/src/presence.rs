@@ -2,11 +2,11 @@
 //! calibrated. Accuracies, reliability curve, expected calibration error, Brier score, and the best
 //! logistic fit.
 //!
-//! The logistic is fitted to the logits of the confidences, which are linear in the server's scores: a
-//! logit z becomes scale z + offset. The fit is that of J. Platt, "Probabilistic outputs for support
-//! vector machines" (1999), with his targets, by Newton's method.
-//! Calibration: M. P. Naeini et al., "Obtaining well calibrated probabilities using Bayesian
-//! binning" (2015): the mean over ten bins, weighted by size, of |mean confidence - share there|.
+//! The logistic is fitted to the logits of the confidences, which are linear in the server's
+//! scores: a logit z becomes scale z + offset. The fit is that of J. Platt, "Probabilistic outputs
+//! for support vector machines" (1999), with his targets, by Newton's method. Calibration: M. P.
+//! Naeini et al., "Obtaining well calibrated probabilities using Bayesian binning" (2015): the mean
+//! over ten bins, weighted by size, of |mean confidence - share there|.
 
 use crate::context::Context;
 use crate::error::EvaluateError;
@@ -67,8 +67,8 @@ impl Judgement {
         Self { text, frame, there, present, confidence }
     }
 
-    /// The logit of the confidence; `None` if it is 0 or 1: either there was no evidence, or its digits
-    /// do not suffice.
+    /// The logit of the confidence; `None` if it is 0 or 1: either there was no evidence, or its
+    /// digits do not suffice.
     fn logit(&self) -> Option<f64> {
         let confidence = f64::from(self.confidence);
         let logit = (confidence / (1.0 - confidence)).ln();
@@ -231,7 +231,8 @@ fn fitted(judgements: &[Judgement]) -> Option<Fitted> {
     Some(Fitted { scale, offset, reliability })
 }
 
-/// (a, b) of 1 / (1 + exp(-(a x + b))); `None` if all or no objects are there, or if a is not positive.
+/// (a, b) of 1 / (1 + exp(-(a x + b))); `None` if all or no objects are there, or if a is not
+/// positive.
 fn platt(scored: &[(f64, bool)]) -> Option<(f64, f64)> {
     let there = scored.iter().filter(|(_, there)| *there).count();
     let absent = scored.len() - there;
@@ -287,9 +288,9 @@ mod tests {
 
     #[test]
     fn the_fit_is_that_of_scipy() {
-        // scipy.optimize.minimize (1.17.1, BFGS, then Nelder-Mead) of sum(logaddexp(0, z) - y z) with
-        // z = a x + b, y Platt's targets, x = (i * 37 % 101) / 100, there: sin(5 x^2 + i) + 3 x > 1.7,
-        // i = 0..80.
+        // scipy.optimize.minimize (1.17.1, BFGS, then Nelder-Mead) of sum(logaddexp(0, z) - y z)
+        // with z = a x + b, y Platt's targets, x = (i * 37 % 101) / 100, there: sin(5 x^2 + i) + 3
+        // x > 1.7, i = 0..80.
         let scored: Vec<(f64, bool)> = (0..80)
             .map(|i| {
                 let x = f64::from(i * 37 % 101) / 100.0;
@@ -301,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn scores_that_part_cleanly_have_a_finite_fit_and_contrary_ones_none() {
+    fn separated_scores_have_a_finite_fit_and_inverted_ones_none() {
         let scored: Vec<(f64, bool)> = (0..20).map(|i| (f64::from(i), i >= 10)).collect();
         let (a, b) = platt(&scored).unwrap();
         assert!(a.is_finite() && (-b / a - 9.5).abs() < 0.01, "{a} {b}");
@@ -312,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn honest_confidences_are_reliable_and_boasts_are_not() {
+    fn calibrated_confidences_score_well_and_overconfident_ones_badly() {
         // Seven in ten at 0.7.
         let honest: Vec<(f64, bool)> = (0..10).map(|i| (0.7, i < 7)).collect();
         let found = reliability(honest.iter().copied());
@@ -324,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn accuracies_tell_labels_from_the_rest() {
+    fn accuracies_separate_labels_from_other_classes() {
         let mut judgements =
             vec![judgement(0.9, true), judgement(0.6, false), judgement(0.0, false)];
         judgements.push(Judgement { text: "lamp".into(), ..judgement(0.0, true) });

@@ -1,5 +1,5 @@
-//! A data set that records the true poses of the frames that are read, so that frames need not be read
-//! or rendered again for comparison.
+//! A data set that records the true poses of the frames that are read, so that frames need not be
+//! read or rendered again for comparison.
 
 use crate::trajectory::StampedPose;
 use lexsplat_client::dataset::{Dataset, DatasetError, Intrinsics, RgbdFrame, Truth};
@@ -86,7 +86,7 @@ mod tests {
     use lexsplat_synthetic::SyntheticDataset;
 
     #[test]
-    fn what_was_read_is_remembered_in_order() {
+    fn frames_that_were_read_are_recorded_in_order() {
         let range = FrameRange { end: Some(3), ..FrameRange::default() };
         let dataset = range.of(Box::new(SyntheticDataset::new(3))).unwrap();
         let recorded = Recorded::new(Arc::from(dataset));

@@ -1,5 +1,5 @@
-//! A few images to look at: target, render and heat map of the best class in its best frame and of the
-//! worst class in its worst frame; target and render of the best and the worst held-out view.
+//! A few images to look at: target, render and heat map of the best class in its best frame and of
+//! the worst class in its worst frame; target and render of the best and the worst held-out view.
 
 use crate::context::{Context, Relevancy};
 use crate::error::EvaluateError;
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_extremes_are_the_first_of_their_kind() {
+    fn best_and_worst_are_the_first_of_equals() {
         let values = [0.5, 0.9, 0.1, 0.9];
         assert_eq!(Rank::Best.of(&[], |v: &f64| *v), None);
         assert!(std::ptr::eq(Rank::Best.of(&values, |v| *v).unwrap(), &values[1]));
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_stand_in_a_row_below_their_words() {
+    fn samples_are_images_in_a_row_below_a_caption() {
         let one = RgbImage::new(30, 20);
         let sample = sample("best".into(), "words".into(), &[one.clone(), one.clone(), one]);
         assert_eq!(sample.picture.width(), 90);

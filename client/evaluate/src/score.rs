@@ -2,8 +2,8 @@
 //! precision; boxes of masks.
 //!
 //! Average precision is the mean precision over recall steps, sum of (R_n - R_(n-1)) P_n, where
-//! pixels of equal relevancy enter together. It needs no threshold; a constant map scores the object's
-//! share of the frame. [`as_released`] is the mask of the paper's released script.
+//! pixels of equal relevancy enter together. It needs no threshold; a constant map scores the
+//! object's share of the frame. [`as_released`] is the mask of the paper's released script.
 
 use crate::heatmap::Heatmap;
 
@@ -95,9 +95,9 @@ pub fn boxes(mask: &[bool], width: usize) -> Vec<Bounds> {
     found
 }
 
-/// The mask that the paper's released script makes of an unsmoothed map: the mean of the map and the
-/// smoothed map, scaled to 0..1 over the frame, above 0.75, then a 7x7 majority filter in which a tie
-/// is false.
+/// The mask that the paper's released script makes of an unsmoothed map: the mean of the map and
+/// the smoothed map, scaled to 0..1 over the frame, above 0.75, then a 7x7 majority filter in which
+/// a tie is false.
 pub fn as_released(relevancy: &Heatmap) -> Vec<bool> {
     let smooth = relevancy.smoothed(RELEASED_SMOOTHING);
     let mixed = relevancy.values.iter().zip(&smooth.values).map(|(a, b)| (a + b) / 2.0);
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_knows_nothing_scores_the_share_and_a_perfect_one_1() {
+    fn a_constant_map_scores_the_share_and_a_perfect_one_scores_1() {
         let truth: Vec<bool> = (0..40).map(|i| i < 10).collect();
         let perfect: Vec<f32> = truth.iter().map(|is| f32::from(u8::from(*is))).collect();
         let inverted: Vec<f32> = perfect.iter().map(|value| 1.0 - value).collect();

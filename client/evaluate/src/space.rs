@@ -1,10 +1,10 @@
 //! Queries about the whole map, scored in 3D: the protocol of the paper (§5, "3D localisation").
 //!
-//! Truth is the labelled pixels of every fifth frame with measured depth, back-projected with the true
-//! poses, in voxels of 2 cm. Found are the points of the 3D answer, moved by the rigid alignment of the
-//! trajectory. Scored are Chamfer and earth mover's distance of each label, means over labels, and the
-//! same without failures (farther than mean + 2 standard deviations, as in the paper). Also counted
-//! are the objects of a class in the answer and in the frames.
+//! Truth is the labelled pixels of every fifth frame with measured depth, back-projected with the
+//! true poses, in voxels of 2 cm. Found are the points of the 3D answer, moved by the rigid
+//! alignment of the trajectory. Scored are Chamfer and earth mover's distance of each label, means
+//! over labels, and the same without failures (farther than mean + 2 standard deviations, as in the
+//! paper). Also counted are the objects of a class in the answer and in the frames.
 
 use crate::clouds::{Point, Voxels, chamfer, earth_movers, resampled};
 use crate::context::Context;
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn what_frames_show_lies_in_the_boxes_of_the_things() {
+    fn points_of_frames_lie_in_the_boxes_of_their_objects() {
         let range = FrameRange { end: Some(6), ..FrameRange::default() };
         let dataset = range.of(Box::new(SyntheticDataset::new(3))).unwrap();
         let truth = dataset.truth().unwrap();

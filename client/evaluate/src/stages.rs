@@ -1,5 +1,5 @@
-//! Stage times and memory from the server's Prometheus metrics: the difference of two texts for each
-//! histogram `lexsplat_STAGE_seconds`. New stages are found by their names.
+//! Stage times and memory from the server's Prometheus metrics: the difference of two texts for
+//! each histogram `lexsplat_STAGE_seconds`. New stages are found by their names.
 
 use serde::Serialize;
 use std::collections::BTreeMap;

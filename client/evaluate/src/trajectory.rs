@@ -1,10 +1,10 @@
-//! The absolute trajectory error (ATE) after a rigid alignment (rotation and translation, no scale), as
-//! `evo_ape tum -a` computes it; metres.
+//! The absolute trajectory error (ATE) after a rigid alignment (rotation and translation, no
+//! scale), as `evo_ape tum -a` computes it; metres.
 //!
-//! Alignment: the least-squares one (Umeyama 1991 with scale 1), by B. Horn, "Closed-form solution of
-//! absolute orientation using unit quaternions" (1987): the eigenvector of a symmetric 4x4 matrix, which
-//! is never a reflection. Frames are paired by their exact times; estimated frames without a true pose
-//! do not count.
+//! Alignment: the least-squares one (Umeyama 1991 with scale 1), by B. Horn, "Closed-form solution
+//! of absolute orientation using unit quaternions" (1987): the eigenvector of a symmetric 4x4
+//! matrix, which is never a reflection. Frames are paired by their exact times; estimated frames
+//! without a true pose do not count.
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_of_the_world_is_no_error_by_hand() {
+    fn a_rigid_motion_is_no_error() {
         // A quarter turn about z and a step along x, exactly.
         let truth = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0], [1.0, 2.0, 3.0]];
         let pair = |(frame, [x, y, z]): (usize, [f64; 3])| {

@@ -1,8 +1,8 @@
 //! Rendered views, scored against the frames: PSNR, SSIM and depth error, and LPIPS if there is a
 //! network.
 //!
-//! The map is optimised on keyframes only, so other tracked frames are held out. Views are rendered at
-//! the tracked pose and at the size of the frame.
+//! The map is optimised on keyframes only, so other tracked frames are held out. Views are rendered
+//! at the tracked pose and at the size of the frame.
 
 use crate::context::{Context, decoded};
 use crate::error::EvaluateError;
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn means_are_over_what_is_there() {
+    fn means_are_over_the_values_that_exist() {
         let view = |psnr_db, depth_l1_m| ViewScore {
             sequence: 0,
             keyframe: false,

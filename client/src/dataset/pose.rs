@@ -1,5 +1,5 @@
-//! Poses from text. Matrices are written with few digits, so each is projected to the nearest rotation
-//! (by singular value decomposition) and refused if it is far from one.
+//! Poses from text. Matrices are written with few digits, so each is projected to the nearest
+//! rotation (by singular value decomposition) and refused if it is far from one.
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn few_digits_are_mended() {
+    fn rotations_with_few_digits_are_projected() {
         let rounded = rows(&some_pose()).map(|n| (n * 1000.0).round() / 1000.0);
         let pose = from_matrix(&rounded).unwrap();
         assert!(pose.rotation.angle_to(&some_pose().rotation) < 2e-3);
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_rotation_is_refused() {
+    fn matrices_far_from_a_rotation_are_refused() {
         let good = rows(&some_pose());
         let changed = |at: usize, to: f64| {
             let mut rows = good;

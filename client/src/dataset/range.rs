@@ -1,5 +1,5 @@
-//! A part of a data set: every `stride`-th frame from `start` up to `end`, once or several times forwards
-//! and backwards. Frames keep their numbers in one pass and are renumbered in several.
+//! A part of a data set: every `stride`-th frame from `start` up to `end`, once or several times
+//! forwards and backwards. Frames keep their numbers in one pass and are renumbered in several.
 
 use super::error::DatasetError;
 use super::frame::{Intrinsics, RgbdFrame, counted_nanos};

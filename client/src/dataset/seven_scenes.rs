@@ -1,8 +1,9 @@
 //! 7-Scenes layout: `frame-%06d.color.jpg` (or `.png`), `frame-%06d.depth.png` (millimetres; 0 and
 //! 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and optionally
-//! `camera-intrinsics.txt` (3x3; the Kinect's 585, 585, 320, 240 if missing). Numbers may have gaps:
-//! a frame keeps its number. With the Kinect's own intrinsics color is not registered to depth in these
-//! files, and is brought there ([`kinect`]); with other intrinsics it is taken as it is.
+//! `camera-intrinsics.txt` (3x3; the Kinect's 585, 585, 320, 240 if missing). Numbers may have
+//! gaps: a frame keeps its number. With the Kinect's own intrinsics color is not registered to
+//! depth in these files, and is brought there ([`kinect`]); with other intrinsics it is taken as it
+//! is.
 
 use super::error::DatasetError;
 use super::files::Size;

@@ -152,7 +152,7 @@ fn broken_replica_folders_name_file_and_line() {
 }
 
 #[test]
-fn frames_with_an_invalid_pose_are_left_out_and_told() {
+fn frames_with_an_invalid_pose_are_left_out_and_listed() {
     let folder = replica();
     put(folder.path(), "traj.txt", format!("{IDENTITY}\n{NO_ROTATION}\n{IDENTITY}\n"));
     let dataset = open("replica", folder.path()).unwrap();
@@ -168,7 +168,7 @@ fn frames_with_an_invalid_pose_are_left_out_and_told() {
 }
 
 #[test]
-fn damaged_pictures_are_told_when_read() {
+fn damaged_images_are_errors_when_read() {
     let folder = replica();
     let dataset = open("replica", folder.path()).unwrap();
     put(folder.path(), "results/frame000001.jpg", "no picture");
@@ -228,7 +228,7 @@ fn seven_scenes() -> TempDir {
 }
 
 #[test]
-fn seven_scenes_keeps_numbers_and_mends_holes() {
+fn seven_scenes_keeps_numbers_and_fills_holes_with_0() {
     let folder = seven_scenes();
     let dataset = open("7scenes", folder.path()).unwrap();
     let numbers: Vec<u64> = (0..dataset.len()).map(|i| dataset.sequence(i)).collect();

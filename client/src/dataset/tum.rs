@@ -1,9 +1,9 @@
 //! TUM RGB-D layout: `rgb.txt` and `depth.txt` (`timestamp file` per line), `groundtruth.txt`
-//! (`timestamp tx ty tz qx qy qz qw`, `world_from_camera`), depth in units of 1/5000 m. Pictures are
-//! paired with depth at most 0.02 s away, each used once, and with the nearest pose at most 0.08 s
-//! away. Intrinsics: `camera.txt` or `calibration.txt` (`fx fy cx cy`), else by `fr1`, `fr2` or `fr3`
-//! (`freiburg1`, …) in the folder's name, else the driver's default. A frame's number is its
-//! picture's place in `rgb.txt`, from 0.
+//! (`timestamp tx ty tz qx qy qz qw`, `world_from_camera`), depth in units of 1/5000 m. Pictures
+//! are paired with depth at most 0.02 s away, each used once, and with the nearest pose at most
+//! 0.08 s away. Intrinsics: `camera.txt` or `calibration.txt` (`fx fy cx cy`), else by `fr1`, `fr2`
+//! or `fr3` (`freiburg1`, …) in the folder's name, else the driver's default. A frame's number is
+//! its picture's place in `rgb.txt`, from 0.
 
 use super::error::DatasetError;
 use super::files::Size;

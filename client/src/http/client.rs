@@ -101,7 +101,8 @@ impl HttpClient {
         self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
     }
 
-    /// The heat map of an answer: relevancies `[height, width]`, and the .npy file that they came in.
+    /// The heat map of an answer: relevancies `[height, width]`, and the .npy file that they came
+    /// in.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -157,8 +158,8 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["render"])).query(&[("frame", frame)])).await
     }
 
-    /// The depth rendered at the pose of a tracked frame, `[height, width]` in metres, 0 where it is
-    /// unknown.
+    /// The depth rendered at the pose of a tracked frame, `[height, width]` in metres, 0 where it
+    /// is unknown.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -178,8 +179,8 @@ impl HttpClient {
         self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
     }
 
-    /// The map as a file such as `splats.ply`, with options such as `voxel`. `progress` gets the bytes so
-    /// far and the total, if it is known.
+    /// The map as a file such as `splats.ply`, with options such as `voxel`. `progress` gets the
+    /// bytes so far and the total, if it is known.
     ///
     /// # Errors
     /// See [`Self::status`].
@@ -269,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_come_bare_or_whole_and_names_are_escaped() {
+    fn addresses_may_have_a_scheme_and_names_are_escaped() {
         for address in ["127.0.0.1:8080", "http://127.0.0.1:8080"] {
             let client = HttpClient::new(address).unwrap();
             assert_eq!(client.address(), "127.0.0.1:8080");
@@ -288,7 +289,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn nobody_there_says_what_to_start() {
+    async fn a_missing_server_is_named() {
         // A port that was free a moment ago.
         let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let client = HttpClient::new(&format!("127.0.0.1:{port}")).unwrap();

@@ -36,7 +36,7 @@ pub enum HttpError {
         seconds: u64,
     },
     /// The connection broke, or the answer is malformed.
-    #[error("{address} answered badly: {reason}")]
+    #[error("the connection to {address} broke or its answer is malformed: {reason}")]
     Broken {
         /// The server's address.
         address: String,

@@ -66,7 +66,7 @@ impl FrameStream {
     /// sent.
     ///
     /// # Errors
-    /// [`ClientError`] if the address is wrong, nobody listens or the server refuses the map.
+    /// [`ClientError`] if the address is wrong, nothing listens there or the server refuses the map.
     pub async fn open(grpc: &str, spec: MapSpec, queue: usize) -> Result<Self, ClientError> {
         let (sender, outbound) = mpsc::channel(queue);
         let mut client = connect(grpc).await?;

@@ -192,7 +192,7 @@ async fn send(
 }
 
 #[tokio::test]
-async fn everything_is_sent_in_order_and_summed_up() {
+async fn all_frames_are_sent_in_order_and_counted() {
     let service = StandIn::default();
     let options = serve(service.clone()).await;
     let mut seen = Vec::new();
@@ -219,7 +219,7 @@ async fn everything_is_sent_in_order_and_summed_up() {
 }
 
 #[tokio::test]
-async fn what_the_map_has_seen_is_not_sent_again() {
+async fn frames_that_the_map_has_are_not_sent_again() {
     let service = StandIn { received_through: Some(6), ..StandIn::default() };
     let summary = send([0, 4, 6, 7, 9], &serve(service.clone()).await).await.unwrap();
     assert_eq!((summary.resumed_past, summary.sent), (3, 2));

@@ -13,12 +13,12 @@ const READ_AHEAD: usize = 4;
 
 /// Streams the frames that the map has not got yet, and waits for every acknowledgement.
 ///
-/// A blocking thread reads or renders frames ahead of a bounded queue. When the server is busy, flow
-/// control fills the queue and the thread waits; no frame is dropped.
+/// A blocking thread reads or renders frames ahead of a bounded queue. When the server is busy,
+/// flow control fills the queue and the thread waits; no frame is dropped.
 ///
 /// # Errors
-/// [`ClientError`]. Frames acknowledged before the error are in the map: the same call resumes after
-/// them.
+/// [`ClientError`]. Frames acknowledged before the error are in the map: the same call resumes
+/// after them.
 pub async fn stream(
     dataset: Arc<dyn Dataset>,
     options: &StreamOptions,

@@ -1,5 +1,6 @@
-//! A bounding volume hierarchy over the scene's triangles (binned surface-area heuristic): the nearest
-//! hit of a ray, or whether anything blocks it. Building it reorders the triangles of the [`Mesh`].
+//! A bounding volume hierarchy over the scene's triangles (binned surface-area heuristic): the
+//! nearest hit of a ray, or whether anything blocks it. Building it reorders the triangles of the
+//! [`Mesh`].
 
 use crate::mesh::{Mesh, Triangle};
 use glam::Vec3;

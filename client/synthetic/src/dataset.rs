@@ -1,4 +1,4 @@
-//! The synthetic room as a data set: frames are rendered when they are asked for.
+//! The synthetic room as a data set: frames are rendered when they are read.
 
 use crate::camera::{Camera, View};
 use crate::room::Room;
@@ -9,9 +9,9 @@ use lexsplat_client::dataset::{
 };
 use nalgebra::Isometry3;
 
-/// Length of the walk.
+/// Number of frames of the walk.
 const FRAMES: usize = 150;
-/// Pixels.
+/// Columns and rows, pixels.
 const SIZE: (u32, u32) = (320, 240);
 
 /// A room and a walk of 150 frames through it, 320x240 pixels.

@@ -1,4 +1,4 @@
-//! The seeded random source of a room: ranges, choices and palettes. Same seed, same room.
+//! The seeded random source of a room: ranges, choices and palettes.
 
 use crate::material::Texture;
 use crate::vector::rgb;

@@ -1,6 +1,6 @@
-//! Where things stand: the room's shell, a table group in the middle, furniture along the walls,
-//! things hung where nothing stands in front, toys on what floor is left. In: a seed; out: the
-//! filled builder, the lights and the camera's loop. How a thing is built is [`super::furniture`]'s.
+//! The layout of a room: walls, floor and ceiling, a table group in the middle, furniture along the
+//! walls, pictures on free walls, toys on the free floor; the lights and the camera's loop. Objects
+//! are built by [`crate::furniture`].
 
 use crate::dice::Dice;
 use crate::furniture::tables::TABLE_HEIGHT;
@@ -14,7 +14,7 @@ use crate::vector::{Placement, rgb};
 use glam::{Vec3, vec3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// The result of furnishing.
+/// A furnished room.
 pub(crate) struct Furnished {
     pub builder: Builder,
     pub lights: Vec<Light>,
@@ -91,7 +91,7 @@ impl Furnisher {
         }
     }
 
-    /// Table, chairs, rug, the lamp above, and what stands on the table.
+    /// Table, chairs, rug, the lamp above, and the objects on the table.
     fn table_group(&mut self) {
         let round = self.d.chance(0.3);
         let w = if round { self.d.between(1.05, 1.2) } else { self.d.between(1.3, 1.55) };

@@ -1,9 +1,9 @@
-//! A **synthetic** furnished room: made from a seed, rendered on the CPU, with exact depth, instance
-//! masks and poses.
+//! A **synthetic** furnished room: made from a seed, rendered on the CPU, with exact depth,
+//! instance masks and poses.
 //!
 //! [`Room::render`] gives views in memory, [`write()`] a folder in Replica layout and
-//! [`SyntheticDataset`] a data set to stream. World: metres, z up, origin on the floor in the middle
-//! of the room. The same seed gives the same bytes.
+//! [`SyntheticDataset`] a data set to stream. World: metres, z up, origin on the floor in the
+//! middle of the room. The same seed gives the same bytes.
 
 mod bvh;
 mod camera;

@@ -1,6 +1,6 @@
-//! Diffuse light, baked once per room: for every texel of every patch the irradiance (linear RGB) from
-//! lamps and windows with soft shadows, and one bounce off the other surfaces, which darkens corners
-//! and bleeds color. Highlights depend on the view and are in [`crate::render`].
+//! Diffuse light, baked once per room: for every texel of every patch the irradiance (linear RGB)
+//! from lamps and windows with soft shadows, and one bounce off the other surfaces, which darkens
+//! corners and bleeds color. Highlights depend on the view and are in [`crate::render`].
 
 use crate::bvh::{Bvh, Ray};
 use crate::mesh::{Mesh, Oriented};

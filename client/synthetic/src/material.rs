@@ -1,6 +1,6 @@
-//! Materials of surfaces: a texture (albedo), a gloss and a glow. Textures are procedural and depend on
-//! the point on the surface and their parameters only. Printed surfaces (pictures, screens, book
-//! spines) are in [`crate::prints`].
+//! Materials of surfaces: a texture (albedo), a gloss and a glow. Textures are procedural and
+//! depend on the point on the surface and their parameters only. Printed surfaces (pictures,
+//! screens, book spines) are in [`crate::prints`].
 
 use crate::noise::{fractal, hash, noise, noise3, step};
 use crate::prints::{self, Print};

@@ -1,12 +1,12 @@
 //! The scene as patches. A patch is a surface f(u, v) over the unit square: a grid of triangles for
-//! rays and a grid of texels for baked light. Shapes are given in an object's own frame (metres); the
-//! [`Mesh`] is in the world.
+//! rays and a grid of texels for baked light. Shapes are given in an object's own frame (metres);
+//! the [`Mesh`] is in the world.
 
 use crate::material::Material;
 use crate::vector::Placement;
 use glam::Vec3;
 
-/// What a ray needs to know of a triangle.
+/// Geometry of a triangle, for rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     pub corner: Vec3,
@@ -14,7 +14,7 @@ pub(crate) struct Triangle {
     pub edge2: Vec3,
 }
 
-/// What shading needs to know of a triangle: its patch, and (u, v) and unit normals at the corners.
+/// Shading data of a triangle: its patch, and (u, v) and unit normals at the corners.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facet {
     pub patch: u32,
@@ -55,7 +55,7 @@ struct Corner {
     uv: [f32; 2],
 }
 
-/// One surface: who it belongs to, what it is made of, and its light grid.
+/// One surface: its instance, material and light grid.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
     /// Instance id, 1-based.
@@ -79,7 +79,7 @@ pub(crate) struct Mesh {
     pub patches: Vec<Patch>,
 }
 
-/// Where a patch is sampled: grid lines for triangles, the light grid, and its size.
+/// Sampling of a patch: grid lines for triangles, the light grid, and its size.
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
     pub us: Vec<f32>,

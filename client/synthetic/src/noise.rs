@@ -1,5 +1,5 @@
-//! Hashes and value noise behind every texture. In: lattice integers or positions in texture units;
-//! out: numbers in 0..1, the same on every run. Not a random source for layout (that is `ChaCha8`).
+//! Hashes and value noise for textures: numbers in 0..1 of lattice integers or positions in texture
+//! units, the same on every run. Layouts use `ChaCha8` instead.
 
 use glam::Vec3;
 

@@ -1,7 +1,7 @@
-//! The camera's way through a room, as a hand would carry it: a loop around the middle, looking
-//! across it, with gentle swings in height and gaze. In: the loop and the number of frames; out:
-//! `world_from_camera` per frame (camera x right, y down, z forward). Speed depends on the number of
-//! frames and has a limit: few frames see only a part of the loop.
+//! The path of a hand-held camera through a room: a loop around the middle, looking across it, with
+//! gentle swings in height and direction. Poses are `world_from_camera` (camera x right, y down, z
+//! forward). The speed depends on the number of frames and has a limit: few frames see only a part
+//! of the loop.
 
 use crate::dice::Dice;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -16,7 +16,7 @@ pub(crate) struct Loop {
     phases: [f64; 4],
 }
 
-/// Most of the loop that is walked: overlap at the end closes it.
+/// Longest walk, radians of the loop: the end overlaps with the start.
 const FULL_RADIANS: f64 = 6.0;
 /// Fastest walk, radians of the loop per frame (about 1.9 degrees).
 const FASTEST_RADIANS: f64 = 0.033;

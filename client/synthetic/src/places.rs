@@ -1,5 +1,5 @@
-//! What room is left: floor rectangles that are taken, wall rectangles that are covered. In: sizes;
-//! out: placements that collide with nothing, or none. It builds nothing.
+//! Free space of a room: occupied rectangles of the floor and covered rectangles of the walls.
+//! Finds placements without collisions.
 
 use crate::dice::Dice;
 use crate::vector::Placement;
@@ -63,7 +63,7 @@ impl Places {
         self.floor.push(footprint(place, size, margin));
     }
 
-    /// Covers the wall behind a thing that stands off the floor: width and height around `z`.
+    /// Covers the wall behind an object: width and height around `z`.
     pub fn block(&mut self, place: &Placement, [w, h]: [f32; 2], z: f32) {
         for wall in Wall::ALL {
             let frame = self.on_wall(wall, 0.0, 0.0);
@@ -77,7 +77,7 @@ impl Places {
         }
     }
 
-    /// A place with its back to a wall for a thing of [width, depth, height].
+    /// A place with its back to a wall for an object of [width, depth, height].
     pub fn against_wall(&mut self, d: &mut Dice, [w, depth, h]: [f32; 3]) -> Option<Placement> {
         for _ in 0..TRIES {
             let wall = d.pick(&Wall::ALL);

@@ -1,6 +1,6 @@
-//! Printed and displayed things: pictures, book spines, labels, clock faces, rugs, screens, the view
-//! from a window. In: a place on the surface (u to the right, v upwards, 0..1) and a seed; out:
-//! linear RGB.
+//! Printed and displayed surfaces: pictures, book spines, labels, clock faces, rugs, screens, the
+//! view from a window. Albedo is linear RGB at a point of the surface (u to the right, v upwards,
+//! 0..1).
 
 use crate::noise::{fractal, hash, noise, step};
 use crate::surface::SurfacePoint;

@@ -1,5 +1,5 @@
-//! Rendering a view. One ray through each pixel centre gives exact depth and instance ids. Color is the
-//! mean of four samples per pixel: traced next to edges, taken from the hit surface elsewhere.
+//! Rendering a view. One ray through each pixel centre gives exact depth and instance ids. Color is
+//! the mean of four samples per pixel: traced next to edges, taken from the hit surface elsewhere.
 
 use crate::bvh::{Hit, Ray, plane_hit};
 use crate::camera::{Camera, View};

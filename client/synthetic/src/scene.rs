@@ -1,4 +1,5 @@
-//! Everything that a ray can meet: surfaces, their hierarchy and their light. Views are rendered of it.
+//! Everything that a ray can meet: surfaces, their hierarchy and their light. Views are rendered of
+//! it.
 
 use crate::bvh::Bvh;
 use crate::light::{Baked, Light};

@@ -1,6 +1,6 @@
 //! The builder that furniture is made with: boxes with rounded edges, lathed profiles, tubes,
 //! ellipsoids, panels and free sheets, all in the frame of the object under construction (metres,
-//! z up, front towards +y). Out: patches in a [`Mesh`] and the list of instances.
+//! z up, front towards +y). It adds patches to a [`Mesh`] and lists the instances.
 
 use crate::material::Material;
 use crate::mesh::{Grid, Mesh, Oriented, Patch, light_grid};

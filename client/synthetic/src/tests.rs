@@ -1,4 +1,4 @@
-//! A room is the same for the same seed, another for another, and its pictures fit together.
+//! Rooms depend on the seed only; color, depth, instances and poses of a view agree.
 
 use crate::{Camera, Room, View};
 
@@ -9,7 +9,7 @@ fn view(room: &Room, index: usize) -> View {
 }
 
 #[test]
-fn a_seed_is_one_room() {
+fn rooms_depend_on_the_seed_only() {
     let (room, again, other) = (Room::new(7), Room::new(7), Room::new(8));
     assert_eq!(room.instances(), again.instances());
     assert_ne!(room.instances(), other.instances());

@@ -1,7 +1,7 @@
 //! Rigid placements and colors on top of `glam`, in `f32` for the ray tracer.
 //!
-//! Vectors are positions in metres, unit-free directions or linear RGB. Camera poses are `nalgebra`'s,
-//! in `f64`.
+//! Vectors are positions in metres, unit-free directions or linear RGB. Camera poses are
+//! `nalgebra`'s, in `f64`.
 
 use glam::{Vec3, vec3};
 

@@ -15,36 +15,39 @@ use std::path::{Path, PathBuf};
 pub const DEPTH_SCALE: f64 = 6553.5;
 const JPEG_QUALITY: u8 = 95;
 
-/// What to write.
+/// The folder to write.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    /// Which room.
+    /// Seed of the room.
     pub seed: u64,
-    /// Length of the walk.
+    /// Number of frames of the walk.
     pub frames: usize,
-    /// Every how many frames of the walk one is rendered.
+    /// Every N-th frame of the walk is rendered.
     pub every: usize,
-    /// The camera.
+    /// The camera of every frame.
     pub camera: Camera,
 }
 
-/// Why a folder could not be written.
+/// A folder that could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The file system refused.
+    /// A file cannot be written.
     #[error("cannot write {path}", path = path.display())]
     File {
-        /// What was being written.
+        /// The file or folder.
         path: PathBuf,
-        /// The reason given.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The encoder refused.
+    /// An image cannot be encoded.
     #[error("cannot encode a frame")]
     Encode(#[from] ImageError),
 }
 
-/// Renders and writes the walk; calls `progress` after every frame with the number written.
+/// Renders and writes the walk; calls `progress` with the number of frames written so far.
+///
+/// # Errors
+/// [`WriteError`] if a file cannot be written or an image cannot be encoded.
 pub fn write(dir: &Path, plan: &Plan, mut progress: impl FnMut(usize)) -> Result<(), WriteError> {
     let room = Room::new(plan.seed);
     for folder in ["results", "semantic"] {
@@ -91,7 +94,10 @@ fn instances_json(room: &Room) -> serde_json::Value {
         .collect()
 }
 
-/// The picture as JPEG.
+/// The color image of a view as JPEG.
+///
+/// # Errors
+/// If the encoder fails.
 pub fn jpeg(view: &View) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(
@@ -103,7 +109,10 @@ pub fn jpeg(view: &View) -> Result<Vec<u8>, ImageError> {
     Ok(bytes)
 }
 
-/// Depth as a 16-bit PNG at [`DEPTH_SCALE`] units per metre.
+/// The depth of a view as 16-bit PNG, 6553.5 units per metre.
+///
+/// # Errors
+/// If the encoder fails.
 pub fn depth_png(view: &View) -> Result<Vec<u8>, ImageError> {
     // The encoder takes samples in native byte order.
     let units = |d: &f32| (f64::from(*d) * DEPTH_SCALE).round().clamp(0.0, 65535.0) as u16;
@@ -111,7 +120,10 @@ pub fn depth_png(view: &View) -> Result<Vec<u8>, ImageError> {
     png(view, &samples, ExtendedColorType::L16)
 }
 
-/// Instance ids as an 8-bit PNG.
+/// The instance ids of a view as 8-bit PNG.
+///
+/// # Errors
+/// If the encoder fails.
 pub fn mask_png(view: &View) -> Result<Vec<u8>, ImageError> {
     png(view, &view.instances, ExtendedColorType::L8)
 }

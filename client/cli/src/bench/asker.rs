@@ -1,4 +1,5 @@
-//! Queries at a constant rate: each is asked when it is due, whether or not the last one is answered.
+//! Queries at a constant rate: each is asked when it is due, whether or not the last one is
+//! answered.
 
 use super::plan::Plan;
 use super::report::QueryReport;
@@ -142,12 +143,12 @@ mod tests {
 
     /// The latency of a query counts from the time that it was due, also if the server is late.
     #[tokio::test]
-    async fn a_stalled_server_cannot_hide_its_stall() {
+    async fn latency_counts_from_the_time_a_query_is_due() {
         use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap().to_string();
-        // Answers one connection at a time, each after 100 ms; questions come every 20 ms. The body is
-        // an answer and, for who asks for frames, one frame.
+        // Answers one connection at a time, each after 100 ms; questions come every 20 ms. The body
+        // is an answer and, for who asks for frames, one frame.
         tokio::spawn(async move {
             while let Ok((mut connection, _)) = listener.accept().await {
                 let mut request = [0; 4096];

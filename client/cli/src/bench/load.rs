@@ -15,7 +15,8 @@ use tokio::task::JoinSet;
 /// Puts the load on the server: one robot with its own map for each data set.
 ///
 /// # Errors
-/// [`BenchError`] if a stream breaks or the server cannot be reached. Failed queries are counted instead.
+/// [`BenchError`] if a stream breaks or the server cannot be reached. Failed queries are counted
+/// instead.
 pub async fn run(plan: &Plan, datasets: Vec<Arc<dyn Dataset>>) -> Result<Report, BenchError> {
     let http = HttpClient::new(&plan.http)?;
     let adapter = http.health().await?.adapter;
@@ -95,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gauges_are_read_by_their_whole_name() {
+    fn gauges_are_found_by_their_full_name() {
         let text = "# HELP memory x\nmemory_total 7\nmemory 2.5e3\n";
         assert_eq!(gauge(text, "memory"), Some(2500));
         assert_eq!(gauge(text, "total"), None);

@@ -1,9 +1,10 @@
-//! **Load test** of a running server: robots send frames and queries are asked, both at constant rates.
+//! **Load test** of a running server: robots send frames and queries are asked, both at constant
+//! rates.
 //!
-//! The load is open-loop: the time that a frame or a query is due does not depend on the answers before
-//! it, and its latency counts from that time. A stalled server therefore shows in the latencies
-//! (no coordinated omission). Frames are read or rendered before the clock starts. The maps are
-//! deleted afterwards.
+//! The load is open-loop: the time that a frame or a query is due does not depend on the answers
+//! before it, and its latency counts from that time. A stalled server therefore shows in the
+//! latencies (no coordinated omission). Frames are read or rendered before the clock starts. The
+//! maps are deleted afterwards.
 
 mod asker;
 mod latency;

@@ -1,8 +1,9 @@
-//! `lexsplat ablate`: the paper's ablations on one data set, each variant on its own server. Progress goes
-//! to standard error, one table to standard output, the full report of every variant to a folder.
+//! `lexsplat ablate`: the paper's ablations on one data set, each variant on its own server.
+//! Progress goes to standard error, one table to standard output, the full report of every variant
+//! to a folder.
 //!
-//! A variant is the default with some settings changed. All variants are measured in one run, so that
-//! their times can be compared even if the speed of the machine changes from day to day.
+//! A variant is the default with some settings changed. All variants are measured in one run, so
+//! that their times can be compared even if the speed of the machine changes from day to day.
 
 use super::measure::{measure_own, write};
 use crate::dataset::DatasetSpec;
@@ -17,7 +18,8 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Measure what each part of the method brings: joint or disentangled heads, online stages, trackers
+/// Measure what each part of the method brings: joint or disentangled heads, online stages,
+/// trackers
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  lexsplat ablate --dataset replica:room0 --out room0-ablation\n  \

@@ -1,5 +1,5 @@
-//! `lexsplat evaluate`: measures a data set on its own server or on a running one. Progress goes to standard
-//! error, a table to standard output, report and images to a folder.
+//! `lexsplat evaluate`: measures a data set on its own server or on a running one. Progress goes to
+//! standard error, a table to standard output, report and images to a folder.
 
 use super::measure::{measure, measure_own, write};
 use crate::choices::{Encoder, Poses};
@@ -30,7 +30,8 @@ pub struct Evaluate {
     /// Where the map's poses come from
     #[arg(long, value_enum, default_value_t = Poses::Given)]
     poses: Poses,
-    /// Where language comes from; "oracle" uses the true classes' names, to measure the loss of the map
+    /// Where language comes from; "oracle" uses the true classes' names, to measure the loss of the
+    /// map
     #[arg(long, value_enum, default_value_t = Encoder::Bundle)]
     encoder: Encoder,
     /// Hold out every K-th frame: tracked, never a keyframe, and scored; 0: none
@@ -48,8 +49,8 @@ pub struct Evaluate {
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
-    /// Score views with LPIPS by this ONNX network: in two images [1, 3, height, width] in -1..1, out one
-    /// number; ORT_DYLIB_PATH names ONNX Runtime's library
+    /// Score views with LPIPS by this ONNX network: in two images [1, 3, height, width] in -1..1,
+    /// out one number; ORT_DYLIB_PATH names ONNX Runtime's library
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
     /// Folder for report.json, report.md, plots, pictures and server.log; made if missing

@@ -12,9 +12,9 @@ use lexsplat_evaluate::{Evaluation, Options, Step, Target, evaluate, markdown, p
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The relevancy bias for features that are the true classes' names. Of the house's 39 classes each has a
-/// margin of 0.75 to 1.0 to its own name, and of at most 0.6 to names of similar objects. A relevancy of
-/// 0.5 lies in the middle, times the temperature of 10.
+/// The relevancy bias for features that are the true classes' names. Of the house's 39 classes each
+/// has a margin of 0.75 to 1.0 to its own name, and of at most 0.6 to names of similar objects. A
+/// relevancy of 0.5 lies in the middle, times the temperature of 10.
 const ORACLE_BIAS: (&str, &str) = ("QUERY__BIAS", "5.1");
 
 /// Measures on a server that is started for it and stopped afterwards. The map is called `map`, or

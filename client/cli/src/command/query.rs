@@ -1,5 +1,5 @@
-//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes images. Several
-//! texts are handled by [`super::segment`].
+//! `lexsplat query`: asks a map where something is, prints boxes and objects, writes images.
+//! Several texts are handled by [`super::segment`].
 
 use super::segment;
 use crate::answer::{best_object, metres, shown};

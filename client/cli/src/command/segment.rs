@@ -1,5 +1,6 @@
-//! `lexsplat query` with several texts: labels each pixel or Gaussian with the best of them. Prints the
-//! legend; writes labels.png, labels.npy and overlay.png of a view, or points.ply of the whole map.
+//! `lexsplat query` with several texts: labels each pixel or Gaussian with the best of them. Prints
+//! the legend; writes labels.png, labels.npy and overlay.png of a view, or points.ply of the whole
+//! map.
 
 use crate::files::{make_folder, save, save_image};
 use anyhow::{Context as _, Result};

@@ -129,8 +129,8 @@ pub fn psnr(views: &[ViewScore]) -> Option<RgbImage> {
     }))
 }
 
-/// Milliseconds per frame of each stage, as bars; `None` if there are no stages. The time of a frame with
-/// its wait in the queue is left out: it would dwarf the others.
+/// Milliseconds per frame of each stage, as bars; `None` if there are no stages. The time of a
+/// frame with its wait in the queue is left out: it would dwarf the others.
 pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage> {
     let per_frame = |stage: &Stage| stage.seconds * 1e3 / frames.max(1) as f64;
     let worked = stages.iter().rev().filter(|(name, _)| *name != WITH_WAITING);
@@ -161,9 +161,9 @@ pub fn stages(stages: &BTreeMap<String, Stage>, frames: u64) -> Option<RgbImage>
     }))
 }
 
-/// The reliability diagram: share of objects that are there over confidence, a dot for each bin (larger
-/// for more answers), in blue after the fit. On the grey line the calibration is perfect. `None`
-/// without answers.
+/// The reliability diagram: share of objects that are there over confidence, a dot for each bin
+/// (larger for more answers), in blue after the fit. On the grey line the calibration is perfect.
+/// `None` without answers.
 pub fn reliability(presence: &Presence) -> Option<RgbImage> {
     let bins = &presence.reliability.bins;
     if bins.is_empty() {
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn trajectories_lie_on_each_other_or_apart() {
+    fn equal_trajectories_coincide_and_others_do_not() {
         let good = trajectory(&walk(0.0)).unwrap();
         assert_eq!(good.dimensions(), SIZE);
         assert!(count(&good, FOUND) > 500 && count(&good, TRUTH) > 500);
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn words_are_drawn() {
+    fn text_is_drawn() {
         let ink = |title: &str| {
             let picture = drawn(title, 0.0..1.0, 0.0..1.0, |_| Ok(()));
             picture.pixels().filter(|pixel| pixel.0 == [0; 3]).count()

@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_measured_is_not_there() {
+    fn missing_scores_are_left_out_of_the_page() {
         let report = Report { language: None, config: None, ..example_report() };
         let page = markdown(&report, &[]);
         assert!(!page.contains("## Queries about frames") && !page.contains("mIoU"), "{page}");

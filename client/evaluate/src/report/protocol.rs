@@ -1,4 +1,5 @@
-//! The part of a report that says how its numbers were measured, so that two reports can be compared.
+//! The part of a report that says how its numbers were measured, so that two reports can be
+//! compared.
 
 use super::record::Report;
 use crate::labels::{COUNTED_EVERY, LABELS, LEAST_PIXELS, SMOOTHING, TEST_FRAMES, smoothing};

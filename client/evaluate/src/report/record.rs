@@ -197,7 +197,7 @@ mod tests {
     use crate::report::example::example_report;
 
     #[test]
-    fn programs_find_the_names_that_were_promised() {
+    fn the_json_has_the_documented_names() {
         let json = serde_json::to_value(example_report()).unwrap();
         for name in [
             "frames",

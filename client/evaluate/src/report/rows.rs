@@ -1,5 +1,5 @@
-//! The most important numbers of a report, beside the paper's. The paper's number is given only where
-//! both measure the same quantity; its data set is always another one.
+//! The most important numbers of a report, beside the paper's. The paper's number is given only
+//! where both measure the same quantity; its data set is always another one.
 
 use super::paper::PAPER;
 use super::record::Report;
@@ -132,8 +132,8 @@ fn language_rows(language: &Language) -> Vec<Row> {
     ]
 }
 
-/// The paper's values are over 8 Replica scenes, at its own scale of relevancy; its EMD pairs clouds of
-/// unequal sizes.
+/// The paper's values are over 8 Replica scenes, at its own scale of relevancy; its EMD pairs
+/// clouds of unequal sizes.
 fn space_rows(space: &Space) -> Vec<Row> {
     let means = &space.means;
     let row =

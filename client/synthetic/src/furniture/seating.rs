@@ -1,4 +1,4 @@
-//! Chairs, stools, sofas, beds and what lies on them.
+//! Chairs, stools, sofas, beds, and the pillows on them.
 
 use crate::dice::Dice;
 use crate::material::{Texture, matt, shiny};

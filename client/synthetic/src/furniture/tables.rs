@@ -1,4 +1,4 @@
-//! The table and what stands on it.
+//! The table and the objects on it.
 
 use crate::dice::Dice;
 use crate::material::{Texture, matt, shiny};

@@ -1,4 +1,4 @@
-//! What hangs on or is let into walls: doors, windows with curtains, pictures, clocks.
+//! Objects in and on walls: doors, windows with curtains, pictures, clocks.
 
 use crate::dice::Dice;
 use crate::material::{Material, Texture, matt, shiny};

@@ -1,5 +1,5 @@
-//! Asks the questions of the demo, each about one frame and about the whole map, and judges the answers
-//! if there is ground truth.
+//! Asks the questions of the demo, each about one frame and about the whole map, and judges the
+//! answers if there is ground truth.
 
 use super::questions::{self, Sight};
 use crate::answer::best_object;
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn the_peak_must_be_on_the_thing() {
+    fn the_peak_must_be_on_the_object() {
         let chair = instance(2, "chair", [0.0; 3], [1.0; 3]);
         let mask = Mask { width: 3, height: 2, ids: vec![0, 1, 2, 2, 0, 1] };
         let on = |x: f32, y: f32| is_on(&[&chair], &mask, Peak { x, y, score: 1.0 });
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_may_be_just_beside_the_box() {
+    fn the_centre_may_be_within_the_tolerance_of_the_box() {
         let near = instance(1, "cup", [0.0; 3], [1.0; 3]);
         let far = instance(2, "cup", [5.0; 3], [6.0; 3]);
         assert!(is_in(&[&near, &far], [5.5; 3]));

@@ -1,5 +1,5 @@
-//! `lexsplat demo`: starts a server, streams a data set to it, asks five questions and writes images of the
-//! answers. The exit code is 1 if a step fails; wrong answers are no failures.
+//! `lexsplat demo`: starts a server, streams a data set to it, asks five questions and writes
+//! images of the answers. The exit code is 1 if a step fails; wrong answers are no failures.
 
 mod ask;
 mod questions;

@@ -1,5 +1,5 @@
-//! The choice of the five questions of the demo. With ground-truth masks, each question comes with the
-//! frame that shows its object best.
+//! The choice of the five questions of the demo. With ground-truth masks, each question comes with
+//! the frame that shows its object best.
 
 use crate::dataset::DatasetSpec;
 use lexsplat_client::dataset::{Instance, Mask};
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_thing_is_shown_better_than_a_larger_one_that_is_cut_off() {
+    fn a_whole_object_is_preferred_to_a_larger_one_that_is_cut_off() {
         let instances = [instance(1, "plant")];
         let best = |cut: usize| {
             let mut sights = Vec::new();
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn preferred_things_come_first_if_they_are_seen_well() {
+    fn preferred_classes_come_first_if_they_are_seen_well() {
         let all = [
             ("wall", 900),
             ("rug", 300),
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn small_things_fill_up_by_size() {
+    fn small_objects_follow_by_size() {
         assert_eq!(chosen(&[("sofa", 2), ("mug", 3), ("ball", 100)]), ["ball", "mug", "sofa"]);
         assert!(chosen(&[("wall", 500)]).is_empty());
     }
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn data_sets_have_their_usual_questions() {
+    fn questions_depend_on_the_kind_of_data_set() {
         assert!(usual(&DatasetSpec::SevenScenes("chess".into())).contains(&"screen".into()));
         assert!(!usual(&DatasetSpec::Tum("desk".into())).contains(&"screen".into()));
     }

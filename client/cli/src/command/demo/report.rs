@@ -182,14 +182,14 @@ mod tests {
     }
 
     #[test]
-    fn hits_are_counted_among_the_judged() {
+    fn right_answers_are_counted_among_the_judged_ones() {
         let line = verdicts(&[asked(Some(RIGHT)), asked(Some(WRONG)), asked(None)]).unwrap();
         assert!(line.starts_with("1 of 2 peaks are inside the right object"), "{line}");
         assert_eq!(verdicts(&[asked(None)]), None);
     }
 
     #[test]
-    fn pictures_stand_side_by_side_and_large_ones_shrink() {
+    fn images_are_side_by_side_and_large_ones_are_scaled_down() {
         let one = asked(None);
         let frame = RgbImage::new(40, 30);
         let out = picture(&one, &frame, &frame);
