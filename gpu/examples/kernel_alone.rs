@@ -1,4 +1,5 @@
-//! A kernel alone: writes one WGSL kernel, runs it, and adds up its result with a kernel of the crate.
+//! A kernel alone: writes one WGSL kernel, runs it, and adds up its result with a kernel of the
+//! crate.
 //!
 //! `cargo run -p lexsplat-gpu --example kernel_alone`
 

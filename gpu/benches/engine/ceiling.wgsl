@@ -1,5 +1,5 @@
-// The adapter's ceiling: evaluates and blends one Gaussian per pixel and step from a linear list, and
-// does nothing else. Same arithmetic and the same loads as the blend, no list, no early end.
+// The adapter's ceiling: evaluates and blends one Gaussian per pixel and step from a linear list,
+// and does nothing else. Same arithmetic and the same loads as the blend, no list, no early end.
 
 @group(0) @binding(0) var<uniform> arguments: ArrayArguments; // count: hits per tile; detail: tiles
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;

@@ -1,5 +1,5 @@
-//! What a trained map looks like to a camera: most Gaussians lie on the surface that is seen, flat and
-//! spaced as densely as their number allows, the others on what it hides.
+//! What a trained map looks like to a camera: most Gaussians lie on the surface that is seen, flat
+//! and spaced as densely as their number allows, the others on what it hides.
 
 use lexsplat_gpu::{Camera, HostGaussians, HostHead};
 use nalgebra::Isometry3;

@@ -1,5 +1,5 @@
-// Self-test of workgroup memory and barriers: out[i] = in[mirror of i in its workgroup] + sum of the
-// workgroup, the sum as a tree.
+// Self-test of workgroup memory and barriers: out[i] = in[mirror of i in its workgroup] + sum of
+// the workgroup, the sum as a tree.
 
 @group(0) @binding(0) var<uniform> arguments: ArrayArguments;
 @group(0) @binding(1) var<storage, read> given: array<u32>;

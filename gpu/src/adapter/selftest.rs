@@ -33,8 +33,8 @@ pub fn shaders(tier: Tier) -> Vec<Shader> {
     shaders
 }
 
-/// Threads per workgroup of the subgroup check: one subgroup, as the kernels have it, if the size is
-/// fixed.
+/// Threads per workgroup of the subgroup check: one subgroup, as the kernels have it, if the size
+/// is fixed.
 fn workgroup(tier: Tier) -> u32 {
     tier.subgroup().filter(|(min, max)| min == max).map_or(GROUP, |(lanes, _)| lanes)
 }
@@ -100,8 +100,8 @@ fn memory(values: &[u32], found: &[u32]) -> Result<(), String> {
     Ok(())
 }
 
-/// Size, lane, largest value, sum by exchange, and the values of lane 0 and of the mirrored lane, as
-/// floats: the features that shared/lanes_subgroup.wgsl uses.
+/// Size, lane, largest value, sum by exchange, and the values of lane 0 and of the mirrored lane,
+/// as floats: the features that shared/lanes_subgroup.wgsl uses.
 fn subgroups(min: u32, max: u32, width: u32, values: &[u32], found: &[u32]) -> Result<(), String> {
     let size = found[0];
     if !size.is_power_of_two() || !(min..=max).contains(&size) {

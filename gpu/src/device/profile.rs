@@ -1,5 +1,5 @@
-//! Time per kernel, for benchmarks. While a profile is taken, every dispatch is a compute pass of its
-//! own between two timestamps, which costs time itself.
+//! Time per kernel, for benchmarks. While a profile is taken, every dispatch is a compute pass of
+//! its own between two timestamps, which costs time itself.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -1,5 +1,5 @@
-//! Tiers: the sets of GPU features that kernels may use. The facts of an adapter determine the tiers
-//! that it offers, best first. A self-test decides later which one a device gets.
+//! Tiers: the sets of GPU features that kernels may use. The facts of an adapter determine the
+//! tiers that it offers, best first. A self-test decides later which one a device gets.
 
 /// Width of the subgroups that the software tier relies on: what Mesa's llvmpipe has on x86 with
 /// AVX2.
@@ -8,8 +8,8 @@ pub const SOFTWARE_SUBGROUP: u32 = 8;
 /// Fewest lanes of a subgroup that is of any use.
 const FEWEST_LANES: u32 = 4;
 
-/// The set of features that kernels may use. Every tier has workgroup memory and barriers. No tier has
-/// atomics, since the order of their results is undefined.
+/// The set of features that kernels may use. Every tier has workgroup memory and barriers. No tier
+/// has atomics, since the order of their results is undefined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tier {
     /// The processor pretends to be a GPU: few threads that handle many pixels each do best.
@@ -113,7 +113,7 @@ mod tests {
     use super::{Facts, Tier};
 
     #[test]
-    fn facts_decide_and_portable_is_always_there() {
+    fn adapter_facts_decide_and_portable_is_always_offered() {
         let tiers = |cpu, subgroup| Facts { cpu, subgroup }.tiers();
         let gpu = Tier::Subgroup { min: 32, max: 64 };
         assert_eq!(tiers(false, Some((32, 64))), (vec![gpu, Tier::Portable], None));

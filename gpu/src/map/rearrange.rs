@@ -68,9 +68,9 @@ impl Gaussians {
         Ok(removed)
     }
 
-    /// Puts the Gaussians in Morton order of their means, so that neighbours in space are neighbours
-    /// in memory. Means that are not finite come last. Images do not change, but for Gaussians at
-    /// exactly the same depth.
+    /// Puts the Gaussians in Morton order of their means, so that neighbours in space are
+    /// neighbours in memory. Means that are not finite come last. Images do not change, but for
+    /// Gaussians at exactly the same depth.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`]; the map is then as it was.

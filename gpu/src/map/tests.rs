@@ -134,7 +134,7 @@ fn pruning_moves_state_with_its_gaussian() {
 }
 
 #[test]
-fn morton_order_moves_state_and_puts_what_has_no_place_last() {
+fn morton_order_moves_state_and_puts_means_that_are_not_finite_last() {
     let gpu = gpu();
     let mut map = map(&gpu, 200);
     map.reorder_morton().expect("fits");
@@ -160,8 +160,8 @@ fn a_map_that_grew_in_part_is_as_it_was() {
     compare(&gpu, &map, &[]).expect("an empty map");
 }
 
-/// Peak of the bytes allocated on the device while `run` runs, sampled by another thread. `run` gets
-/// the number of samples so far.
+/// Peak of the bytes allocated on the device while `run` runs, sampled by another thread. `run`
+/// gets the number of samples so far.
 fn peak(gpu: &Gpu, run: impl FnOnce(&AtomicU64)) -> u64 {
     let (done, most, looks) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let look = || {
@@ -186,7 +186,7 @@ fn peak(gpu: &Gpu, run: impl FnOnce(&AtomicU64)) -> u64 {
 }
 
 #[test]
-fn rearranging_and_growth_need_one_array_more() {
+fn rearranging_and_growing_need_memory_for_one_more_array() {
     let gpu = gpu();
     let len = 100_000;
     let mut map = map(&gpu, len);

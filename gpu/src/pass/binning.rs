@@ -39,7 +39,8 @@ impl Binning {
         Ok(())
     }
 
-    /// Orders the first `count` Gaussians that one of two heads shows. With one head, give it twice.
+    /// Orders the first `count` Gaussians that one of two heads shows. With one head, give it
+    /// twice.
     pub fn rank(&self, recorder: &mut Recorder<'_>, heads: [&Projected; 2], count: usize) {
         let [one, other] = heads;
         self.order.rank(recorder, one, other, count, self.ranks(), &self.sort);

@@ -1,5 +1,5 @@
-//! Composing WGSL: header from [`crate::shader::layout`], then constants of the pipeline, then shared
-//! parts, then the kernel. Plain concatenation at run time; nothing here needs a device.
+//! Composing WGSL: header from [`crate::shader::layout`], then constants of the pipeline, then
+//! shared parts, then the kernel. Plain concatenation at run time; nothing here needs a device.
 //!
 //! Besides concatenation there is one rule: the lines between `//repeat NAME COUNT` and `//end` are
 //! repeated for NAME = 0, 1, ... COUNT - 1, every `$NAME` being replaced by the number; COUNT is a

@@ -83,8 +83,8 @@ constants! {
     DEPTH_SHIFT: u32 = 4;
     /// Gaussians farther than this, in metres, are not drawn.
     FAR: f32 = 1e6;
-    /// Added to the diagonal of the projected covariance, in square pixels. Kerbl et al. 2023 use 0.3;
-    /// a smaller value blurs less and gives edges as sharp as those of a camera.
+    /// Added to the diagonal of the projected covariance, in square pixels. Kerbl et al. 2023 use
+    /// 0.3; a smaller value blurs less and gives edges as sharp as those of a camera.
     DILATION: f32 = 0.1;
     /// Largest alpha of one Gaussian at a pixel.
     MAX_ALPHA: f32 = 0.99;
@@ -162,8 +162,8 @@ structs! {
         /// Fills the struct to 112 bytes.
         spare: [u32; 2] => "vec2<u32>",
     }
-    /// A Gaussian projected into one camera: alpha = 2^(level - first dx^2 - second (dy - lean dx)^2) at
-    /// an offset (dx, dy) from its centre.
+    /// A Gaussian projected into one camera: alpha = 2^(level - first dx^2 - second (dy - lean
+    /// dx)^2) at an offset (dx, dy) from its centre.
     Splat {
         /// Centre, in pixels; first; lean.
         place: Row => "vec4<f32>",

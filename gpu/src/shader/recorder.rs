@@ -186,8 +186,8 @@ impl<'a> Recorder<'a> {
         index
     }
 
-    /// Places `arguments` in the next uniform slot and returns its offset. A full buffer is submitted
-    /// first.
+    /// Places `arguments` in the next uniform slot and returns its offset. A full buffer is
+    /// submitted first.
     fn place(&mut self, arguments: &[u8]) -> u64 {
         assert!(arguments.len() as u64 <= UNIFORM_BYTES, "uniform struct too large");
         if self.arguments.len() as u64 == UNIFORM_SLOTS * UNIFORM_BYTES {

@@ -16,7 +16,8 @@ pub struct ColorTarget {
 pub(crate) struct ColorInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// r, g, b and whether there is a color (255), a byte each; then the depth's bits, metres, -1 for none.
+    /// r, g, b and whether there is a color (255), a byte each; then the depth's bits, metres, -1
+    /// for none.
     pub(crate) texels: Buffer<[u32; 2]>,
     pub(crate) color_pixels: usize,
     pub(crate) depth_pixels: usize,

@@ -105,7 +105,8 @@ impl Trainer {
     }
 
     /// Measures what a step on this view would find of color and depth, without taking it: the
-    /// losses, and the gradients of pose and exposure. Zeros for an empty map. Waits for the device.
+    /// losses, and the gradients of pose and exposure. Zeros for an empty map. Waits for the
+    /// device.
     ///
     /// # Errors
     /// As [`Trainer::step`].
@@ -164,8 +165,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Repeats the steps that overflowed their lists. Steps in flight are collected first, since they
-    /// may have overflowed too.
+    /// Repeats the steps that overflowed their lists. Steps in flight are collected first, since
+    /// they may have overflowed too.
     fn repeat_overflowed(&mut self, gaussians: &Gaussians) -> Result<(), GpuError> {
         if self.in_flight.overflowed.is_empty() {
             return Ok(());

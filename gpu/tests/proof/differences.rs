@@ -117,7 +117,7 @@ fn a_wrong_gradient_is_noticed_for_every_kind_of_parameter() {
 }
 
 #[test]
-fn beyond_the_view_margin_the_jacobian_is_held_and_the_gradient_knows_it() {
+fn beyond_the_view_margin_the_jacobian_and_its_gradient_are_clamped() {
     let camera = support::camera(37, 29);
     let view = View::new(&camera);
     let mut head = head(true, 4);

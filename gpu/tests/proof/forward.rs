@@ -229,7 +229,7 @@ fn thousands_on_one_pixel_match_the_oracle() {
 
 /// Measured on llvmpipe: 5.1e-5, of sums over up to 1,000 pixels.
 #[test]
-fn contributions_say_what_was_seen() {
+fn contributions_match_the_image() {
     let gpu = support::gpu();
     let mut renderer = Renderer::new(&gpu, 15).expect("compiles");
     let camera = support::camera(67, 45);

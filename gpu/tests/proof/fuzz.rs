@@ -19,7 +19,7 @@ fn strings(count: u64) -> impl Iterator<Item = Vec<u8>> {
 }
 
 #[test]
-fn any_bytes_make_a_scene_that_keeps_the_promises() {
+fn any_bytes_make_a_scene_that_renders_and_trains() {
     let gpu = support::gpu();
     let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let mut counts = [0; 3];

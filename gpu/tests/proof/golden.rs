@@ -11,9 +11,10 @@ use crate::oracle::project::View;
 use lexsplat_gpu::{Camera, Gaussians, HeadGradient, HostGaussians, HostHead, Renderer};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// The scenes, each with the largest difference of a gradient over the largest of its kind. Measured
-/// worst cases on llvmpipe: 1.1e-6, 2.5e-6 and 5.3e-5 (pose: 1.8e-6); `crowd` has needles, whose gradient along the
-/// needle loses the condition of the covariance, about 1e3, to the rounding of the conic.
+/// The scenes, each with the largest difference of a gradient over the largest of its kind.
+/// Measured worst cases on llvmpipe: 1.1e-6, 2.5e-6 and 5.3e-5 (pose: 1.8e-6); `crowd` has needles,
+/// whose gradient along the needle loses the condition of the covariance, about 1e3, to the
+/// rounding of the conic.
 const SCENES: [(&str, f32); 3] = [("one", 1e-5), ("forty", 1e-5), ("crowd", 1e-4)];
 /// Largest difference of a channel; measured worst case on llvmpipe: 4.9e-6 (depth, `crowd`).
 const PICTURE_TOLERANCE: f32 = 2e-5;
@@ -92,7 +93,8 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
 }
 
-/// The factors of the functional; `functional` in training/lexsplat_training/measure/golden.py is the same.
+/// The factors of the functional; `functional` in training/lexsplat_training/measure/golden.py is
+/// the same.
 fn functional(len: usize) -> Vec<f32> {
     let factor = |i: u32| {
         let mut h = i;
@@ -228,8 +230,8 @@ fn the_scenes_have_what_they_promise() {
     }
 }
 
-/// The oracle in f64 is held against the same files: what is left is the rounding of the pose and of
-/// the stored values.
+/// The oracle in f64 is held against the same files: what is left is the rounding of the pose and
+/// of the stored values.
 #[test]
 fn the_oracle_is_another_implementations() {
     for (scene, _) in SCENES {

@@ -1,6 +1,6 @@
-//! Everything that is claimed of this package: kernels against oracles, gradients against
-//! differences, and what must hold for any map. All but `shaders` and `oracle` need a Vulkan
-//! adapter and fail without one.
+//! Tests of this crate: kernels against oracles, gradients against differences, and properties that
+//! hold for any map. All but `shaders` and `differences` need a Vulkan adapter and fail without
+//! one.
 
 mod align;
 mod align_speed;
@@ -12,6 +12,7 @@ mod fuzz;
 mod golden;
 mod map;
 mod metamorphic;
+mod normal_system;
 mod optimiser;
 mod oracle;
 mod poison;
@@ -21,5 +22,6 @@ mod room;
 mod shaders;
 mod support;
 mod tiers;
+mod ties;
 mod training;
 mod wild;

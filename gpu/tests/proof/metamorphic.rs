@@ -103,7 +103,7 @@ fn the_order_of_gaussians_does_not_matter() {
 }
 
 #[test]
-fn behind_an_opaque_wall_nothing_shows_and_nothing_learns() {
+fn behind_an_opaque_wall_nothing_is_drawn_or_trained() {
     let gpu = support::gpu();
     let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
     let camera = support::camera(67, 45);
@@ -141,7 +141,7 @@ fn behind_an_opaque_wall_nothing_shows_and_nothing_learns() {
 }
 
 #[test]
-fn what_lies_outside_of_the_view_changes_nothing() {
+fn gaussians_outside_the_view_change_nothing() {
     let gpu = support::gpu();
     let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
     let camera = support::camera(67, 45);

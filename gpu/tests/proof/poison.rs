@@ -1,5 +1,5 @@
-//! Values that no map should have: they harm neither the picture, nor the other Gaussians, nor their
-//! gradients, nor what a step makes of them.
+//! Values that no map should have: they harm neither the picture, nor the other Gaussians, nor
+//! their gradients, nor what a step makes of them.
 
 use crate::support;
 
@@ -133,7 +133,7 @@ fn poisons() -> Vec<Poison> {
 }
 
 #[test]
-fn a_spoilt_gaussian_is_left_out_and_harms_nobody() {
+fn a_gaussian_with_bad_values_is_not_drawn_and_changes_no_other() {
     let gpu = support::gpu();
     let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let camera = straight(37, 29);
@@ -186,7 +186,7 @@ fn bits(scene: &HostGaussians, which: std::ops::Range<usize>) -> Vec<u32> {
 /// Scales of 1e-20 and 1e20 metres, opacities of 0 and 1: drawn as the oracle draws them, up to a
 /// covariance in the image whose determinant no longer fits.
 #[test]
-fn extreme_values_are_drawn_as_far_as_they_go() {
+fn extreme_values_are_clamped_and_drawn() {
     let gpu = support::gpu();
     let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
     let camera = straight(37, 29);
@@ -227,8 +227,8 @@ fn extreme_values_are_drawn_as_far_as_they_go() {
     }
 }
 
-/// A needle along the diagonal of the pixels, its centre on a pixel: on its axis the exponent is all
-/// but zero, and rounding must not take it for a positive one, which is skipped.
+/// A needle along the diagonal of the pixels, its centre on a pixel: on its axis the exponent is
+/// all but zero, and rounding must not take it for a positive one, which is skipped.
 #[test]
 fn a_long_needle_has_no_holes() {
     let gpu = support::gpu();
@@ -251,7 +251,7 @@ fn a_long_needle_has_no_holes() {
 
 /// Features that are not numbers, or not below 1e30, belong to no picture.
 #[test]
-fn a_spoilt_feature_stays_out_of_the_picture() {
+fn a_bad_feature_is_not_drawn() {
     let gpu = support::gpu();
     let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let camera = straight(37, 29);

@@ -1,5 +1,5 @@
-// source[slot] = i for each Gaussian i that stays, slot being the number of those before it. The last
-// thread writes the total.
+// source[slot] = i for each Gaussian i that stays, slot being the number of those before it. The
+// last thread writes the total.
 
 @group(0) @binding(0) var<uniform> arguments: PruneArguments;
 @group(0) @binding(1) var<storage, read> kept: array<u32>; // scanned

@@ -1,6 +1,6 @@
-// kept[i] = 1 if Gaussian i stays, else 0; see mod.rs for the rule. A parameter that is not a number
-// fails its comparison. There is one element more than Gaussians, which is 0, so that the exclusive
-// scan ends in the total.
+// kept[i] = 1 if Gaussian i stays, else 0; see mod.rs for the rule. A parameter that is not a
+// number fails its comparison. There is one element more than Gaussians, which is 0, so that the
+// exclusive scan ends in the total.
 
 @group(0) @binding(0) var<uniform> arguments: PruneArguments;
 @group(0) @binding(1) var<storage, read> color_geometry: array<vec4<f32>>;

@@ -3,9 +3,9 @@
 //!
 //! One kernel for both heads; rows of the feature (1 for rgb and depth, `channels / 4` for
 //! language) reach WGSL as a constant. A workgroup is a tile, a lane owns pixels in one row of it
-//! (see [`crate::shader::Tiling`]). Lanes load a batch of hits, one each, and exchange them. A dispatch
-//! blends at most [`CHUNK_ROWS`] rows; longer features take several. The backward pass leaves one
-//! record per hit in the hit's own slot: no atomics, the same bits each time.
+//! (see [`crate::shader::Tiling`]). Lanes load a batch of hits, one each, and exchange them. A
+//! dispatch blends at most `CHUNK_ROWS` rows; longer features take several. The backward pass
+//! leaves one record per hit in the hit's own slot: no atomics, the same bits each time.
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::pass::tiles::Hits;

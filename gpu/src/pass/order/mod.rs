@@ -1,11 +1,11 @@
-//! The visible Gaussians of a view, sorted by depth. The heads share their means, so one sort serves
-//! both.
+//! The visible Gaussians of a view, sorted by depth. The heads share their means, so one sort
+//! serves both.
 //!
-//! In: the projection of one head or of both. Out: the visible Gaussians in the order of the map, the
-//! same by depth (equal depths by index), and the permutation between the two orders. A *rank* is a
-//! place in the order by depth. Tile lists are made in the order of ranks. Gradients are in the order
-//! of the map, where neighbours in memory are read one after the other. A Gaussian that no head shows
-//! costs no further work.
+//! In: the projection of one head or of both. Out: the visible Gaussians in the order of the map,
+//! the same by depth (equal depths by index), and the permutation between the two orders. A *rank*
+//! is a place in the order by depth. Tile lists are made in the order of ranks. Gradients are in
+//! the order of the map, where neighbours in memory are read one after the other. A Gaussian that
+//! no head shows costs no further work.
 
 use bytemuck::Pod;
 

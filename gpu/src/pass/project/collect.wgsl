@@ -1,5 +1,6 @@
 // Sums the records of the hits of each visible Gaussian, in slot order; blend/backward.wgsl has the
-// rows. The fourth feature of the color head is depth: its gradient goes to the third row of the sums.
+// rows. The fourth feature of the color head is depth: its gradient goes to the third row of the
+// sums.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;

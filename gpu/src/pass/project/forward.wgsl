@@ -1,5 +1,5 @@
-// Projection of a Gaussian into a camera (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T + DILATION.
-// Whatever cannot be drawn, NaN included, gets no hits.
+// Projection of a Gaussian into a camera (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T +
+// DILATION. Whatever cannot be drawn, NaN included, gets no hits.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> means: array<vec4<f32>>;
@@ -51,8 +51,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     // exp(-q / 2) = 2^(-q BITS / 2)
     let reach = max(log2(opacity / MIN_ALPHA), 0.0);
     let extent = sqrt(2.0 * reach / BITS_PER_NAT * sigma.xz);
-    // q = x^2 / Sigma_xx + (y - lean x)^2 Sigma_xx / det: squares, which cannot cancel as the conic's
-    // three terms do for a long thin splat.
+    // q = x^2 / Sigma_xx + (y - lean x)^2 Sigma_xx / det: squares, which cannot cancel as the
+    // conic's three terms do for a long thin splat.
     let lean = sigma.y / sigma.x;
     let squares = 0.5 * BITS_PER_NAT * vec2<f32>(1.0 / sigma.x, sigma.x / sigma.w);
     let place = vec4<f32>(mean, squares.x, lean);

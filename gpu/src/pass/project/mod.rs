@@ -1,10 +1,10 @@
 //! Projection of Gaussians into one camera (EWA; Kerbl et al. 2023, equation 5), and back (their
 //! appendix A).
 //!
-//! Forward: mean, rotation, scale, opacity to [`Splat`], number of hits and the tiles they are.
-//! Backward, for the ranks of a view: first the records of a rank's hits are summed in order, then
-//! the sums are taken through conic, covariance, Jacobian and rotation. The color head moves the
-//! mean and the camera; the language head does not (paper §4.3).
+//! Forward: mean, rotation, scale, opacity to [`Splat`](crate::shader::layout::Splat), number of
+//! hits and the tiles they are. Backward, for the ranks of a view: first the records of a rank's
+//! hits are summed in order, then the sums are taken through conic, covariance, Jacobian and
+//! rotation. The color head moves the mean and the camera; the language head does not (paper §4.3).
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::map::Head;

@@ -1,5 +1,5 @@
-// Where each tile's list begins and ends: after all hits were placed, a cell of the table is the end of
-// its run in its tile.
+// Where each tile's list begins and ends: after all hits were placed, a cell of the table is the
+// end of its run in its tile.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> table: array<u32>;

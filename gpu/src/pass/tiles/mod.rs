@@ -1,12 +1,14 @@
-//! Tile lists from projected Gaussians. A *hit* is a (Gaussian, tile) pair where the Gaussian may be
-//! visible in the tile. Hits are grouped by tile and are in depth order inside a tile.
+//! Tile lists from projected Gaussians. A *hit* is a (Gaussian, tile) pair where the Gaussian may
+//! be visible in the tile. Hits are grouped by tile and are in depth order inside a tile.
 //!
-//! The hits of a Gaussian have consecutive *slots*, in depth order over Gaussians. Lists hold slots,
-//! so the backward blend can write one record per slot and needs no atomics. If there are more hits
-//! than slots, the rest is dropped, [`HitCount`] reports it, and the pass must be repeated.
+//! The hits of a Gaussian have consecutive *slots*, in depth order over Gaussians. Lists hold
+//! slots, so the backward blend can write one record per slot and needs no atomics. If there are
+//! more hits than slots, the rest is dropped, [`HitCount`] reports it, and the pass must be
+//! repeated.
 //!
-//! Grouping is a stable sort by tile ([`sorted`]). On a processor it counts instead ([`counted`]):
-//! each thread goes through a run of hits twice, and no keys are written and sorted.
+//! Grouping is a stable sort by tile (`sorted.rs`). On a processor it counts instead
+//! (`counted.rs`): each thread goes through a run of hits twice, and no keys are written and
+//! sorted.
 
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::pass::order::Ranks;

@@ -1,5 +1,5 @@
-// Coverage in the order of ranks, and its hits ready to be scanned; ranks beyond the visible ones have none,
-// and the last element becomes the total.
+// Coverage in the order of ranks, and its hits ready to be scanned; ranks beyond the visible ones
+// have none, and the last element becomes the total.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;

@@ -1,5 +1,5 @@
-/// Visits the tiles that the Gaussian of a rank hits, in order, with slots from `first` up to `end`;
-/// returns the first slot behind them. The kernel defines `visit`.
+/// Visits the tiles that the Gaussian of a rank hits, in order, with slots from `first` up to
+/// `end`; returns the first slot behind them. The kernel defines `visit`.
 fn walk(rank: u32, first: u32, end: u32) -> u32 {
     let gaussian = gaussian_from_rank[rank];
     let covered = coverage_from_rank[rank];

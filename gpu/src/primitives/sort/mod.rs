@@ -2,8 +2,8 @@
 //!
 //! The elements are cut into runs, one thread each. A thread counts the digits of its run into its
 //! column of a table (digit by run), the table is scanned, and the thread then places its elements
-//! in order. This is stable and needs no barrier, atomic or subgroup operation. The device reads the
-//! number of elements from a buffer; elements beyond it cost nothing.
+//! in order. This is stable and needs no barrier, atomic or subgroup operation. The device reads
+//! the number of elements from a buffer; elements beyond it cost nothing.
 //!
 //! With few threads, few runs and wide digits are fastest, since they need few passes. With many
 //! threads it is the opposite ([`SortShape`]).

@@ -17,16 +17,16 @@ fn shared_row(row: u32, other: u32) -> vec4<f32> {
     return subgroupShuffle(published[row], other);
 }
 
-/// One exchange of a butterfly sum over two rows, of an even and of an odd hit: lanes with the bit go
-/// on with the sum of the odd hit, the others with that of the even hit.
+/// One exchange of a butterfly sum over two rows, of an even and of an odd hit: lanes with the bit
+/// go on with the sum of the odd hit, the others with that of the even hit.
 fn fold(even: vec4<f32>, odd: vec4<f32>, bit: u32, lane: u32) -> vec4<f32> {
     let upper = (lane & bit) != 0u;
     return select(even, odd, upper) + subgroupShuffleXor(select(odd, even, upper), bit);
 }
 
 /// Adds this lane's value to a row of the record of a hit of the batch. It must be called for every
-/// hit of the batch in order, the last one first if DESCENDING. Hits are folded in pairs, so that in
-/// the end each lane holds the sum of one hit, with less than one exchange per row.
+/// hit of the batch in order, the last one first if DESCENDING. Hits are folded in pairs, so that
+/// in the end each lane holds the sum of one hit, with less than one exchange per row.
 fn accumulate(hit: u32, row: u32, value: vec4<f32>, lane: u32) {
     var sum = value;
     //repeat level FOLDS

@@ -1,22 +1,23 @@
 //! The pose of a live RGB-D image against a reference, such as the map rendered from a predicted
-//! pose. [`Aligner::system`] sums one Gauss-Newton normal system between two [`Level`]s of one size.
-//! [`Aligner::align`] loops over levels and steps.
+//! pose. [`Aligner::system`] sums one Gauss-Newton normal system between two [`Level`]s of one
+//! size. [`Aligner::align`] loops over levels and steps.
 //!
 //! With q = T p the point of a live pixel in the reference camera, T = `reference_from_live`:
 //!
-//! - photometric: r = I_ref(pi(q)) - (exp(a) I_live + b), J = [s, q x s, -exp(a) I_live, -1] with
-//!   s = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (these
-//!   slopes are smoother than the derivative of the interpolation, which jumps where pi(q) is at the
-//!   centre of a pixel, as it is everywhere when T is the identity). Accepted where all four have an intensity and the
-//!   point is on the reference's surface. Huber.
+//! - photometric: r = I_ref(pi(q)) - (exp(a) I_live + b), J = [s, q x s, -exp(a) I_live, -1] with s
+//!   = dI_ref/dq. Intensity and its slopes are interpolated between four pixels (these slopes are
+//!   smoother than the derivative of the interpolation, which jumps where pi(q) is at the centre of
+//!   a pixel, as it is everywhere when T is the identity). Accepted where all four have an
+//!   intensity and the point is on the reference's surface. Huber.
 //! - geometric: r = n_ref . (q - p_ref), J = [n, q x n, 0, 0], point to plane at the nearest
 //!   reference pixel; accepted where the point is on the reference's surface. Huber or Cauchy.
 //!
 //! On the surface: at most `depth_gate` and [`GATE_SIGMAS`] of the depth's own noise from the plane
 //! (p_ref, n_ref), with normals that agree. This leaves out points that are occluded in the
 //! reference, and points at an edge of depth, which have no normal and mixed colors. A gate along z
-//! would keep both where surfaces are 10 cm apart, and would lose floors seen at a low angle. Between
-//! two images that share 70 % it made poses worse by two orders of magnitude (`EXPERIMENTS.md`).
+//! would keep both where surfaces are 10 cm apart, and would lose floors seen at a low angle.
+//! Between two images that share 70 % it made poses worse by two orders of magnitude
+//! (`EXPERIMENTS.md`).
 //!
 //! [`GATE_SIGMAS`]: crate::shader::layout::GATE_SIGMAS
 //!
@@ -87,7 +88,8 @@ pub struct AlignSettings {
     /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
     /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
     pub normal_gate: f64,
-    /// One of so many live pixels is looked at; [`AlignSettings::at_level`] looks at all of a coarser level's.
+    /// On the finest level one of every `stride` live pixels is used, on coarser levels all; see
+    /// [`AlignSettings::at_level`].
     pub stride: u32,
 }
 
@@ -247,7 +249,8 @@ impl Estimate {
 }
 
 impl AlignSettings {
-    /// These settings for a coarser level, where the way to go may still be long and pixels are few.
+    /// These settings for a level: on coarser levels, where the motion may still be large, the depth
+    /// gate is wider and all pixels are used.
     #[must_use]
     pub fn at_level(&self, level: usize) -> Self {
         let wider = 4f64.powi(level.min(8) as i32);

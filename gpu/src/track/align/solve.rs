@@ -29,8 +29,8 @@ pub struct Schedule {
     pub with_exposure: bool,
     /// Prior knowledge of the pose.
     pub prior: Option<Prior>,
-    /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or when
-    /// it hardly changes the cost.
+    /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or
+    /// when it hardly changes the cost.
     pub smallest_step: f64,
 }
 

@@ -1,8 +1,9 @@
-// What alignment reads of a pixel: (intensity, depth, dI/du, dI/dv) and the unit normal.
-// Slopes are central differences, one-sided at a border or beside a pixel without intensity.
-// n = normalise(P_down-up x P_right-left) points to the camera, P = z ((u - cx)/fx, (v - cy)/fy, 1);
-// 0 at the border, where a neighbour has no depth or differs by more than DEPTH_AGREEMENT, and at an edge: where
-// the two neighbours' mean is not the pixel's depth (a slanted surface does not bend, a step does).
+// What alignment reads of a pixel: (intensity, depth, dI/du, dI/dv) and the unit normal. Slopes are
+// central differences, one-sided at a border or beside a pixel without intensity. n =
+// normalise(P_down-up x P_right-left) points to the camera, P = z ((u - cx)/fx, (v - cy)/fy, 1); 0
+// at the border, where a neighbour has no depth or differs by more than DEPTH_AGREEMENT, and at an
+// edge: where the two neighbours' mean is not the pixel's depth (a slanted surface does not bend, a
+// step does).
 
 @group(0) @binding(0) var<uniform> arguments: PyramidArguments;
 @group(0) @binding(1) var<storage, read> bases: array<vec2<f32>>;

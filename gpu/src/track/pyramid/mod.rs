@@ -4,9 +4,8 @@
 //! states). Out: per level [`Level::rows`], height x width of (intensity, depth, dI/du, dI/dv), and
 //! [`Level::normals`], height x width of (unit normal to the camera, 1), all in the level's own
 //! camera frame. Intensity is in [0, 1] or -1 for none; depth in metres or 0 for none; a normal is
-//! 0 where a neighbour's depth is missing or more than [`DEPTH_AGREEMENT`] away, and where depth bends
-//! by more than [`DEPTH_BEND`]; slopes are per
-//! pixel.
+//! 0 where a neighbour's depth is missing or more than [`DEPTH_AGREEMENT`] away, and where depth
+//! bends by more than [`DEPTH_BEND`]; slopes are per pixel.
 //!
 //! A coarser level halves the finer one: a pixel covers 2x2 of it, and an odd last column or row is
 //! left out, so that pixel areas keep their place as [`Camera::resized`] has it. A pyramid is

@@ -1,6 +1,6 @@
 // A rendered view to (intensity, depth). With opacity O = 1 - T over MIN_OPACITY, color and depth
-// are those of the Gaussians alone, without the black background: luma(rgb) / O and D / O. Elsewhere
-// there is no intensity (-1) and no depth (0).
+// are those of the Gaussians alone, without the black background: luma(rgb) / O and D / O.
+// Elsewhere there is no intensity (-1) and no depth (0).
 
 @group(0) @binding(0) var<uniform> arguments: PyramidArguments;
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>; // r, g, b, D = sum z alpha T

@@ -1,5 +1,6 @@
-// first |exp(a) rgb + b - target| + second |D - D_gt| of a pixel, and its gradient. A target is a byte for
-// each of r, g, b and for whether there is a color, and the depth's bits; a negative depth is no measurement.
+// first |exp(a) rgb + b - target| + second |D - D_gt| of a pixel, and its gradient. A target is a
+// byte for each of r, g, b and for whether there is a color, and the depth's bits; a negative depth
+// is no measurement.
 
 @group(0) @binding(0) var<uniform> arguments: LossArguments;
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;

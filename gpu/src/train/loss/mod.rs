@@ -5,8 +5,8 @@
 //!   divided by opacity, as in the paper. So where opacity is too low, the gradient raises it.
 //! - language: `w_l mean|codes - target|` over all pixels and channels.
 //! - scales: `w_iso mean|S_c - mean_axis(S_c)| + w_tie mean|S_f - sg(S_c)|` with sg for "no
-//!   gradient". The factors are for the mean over all Gaussians and axes of the map; the sum has only
-//!   the visible ones, since only they move.
+//!   gradient". The factors are for the mean over all Gaussians and axes of the map; the sum has
+//!   only the visible ones, since only they move.
 //!
 //! Every mean is over its own valid values. The gradient of |x| at 0 is 0.
 

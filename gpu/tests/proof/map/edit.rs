@@ -41,7 +41,7 @@ fn targets(gpu: &Gpu, host: &HostGaussians) -> (Camera, ColorTarget, LanguageTar
 }
 
 #[test]
-fn training_goes_on_as_if_the_removed_had_never_been() {
+fn removing_unseen_gaussians_does_not_change_training() {
     let gpu = support::gpu();
     let mut host = support::scene(13, 120, CHANNELS, 0.1);
     let (camera, color, language) = targets(&gpu, &host);

@@ -47,7 +47,7 @@ fn the_oracles_codes_are_known_ones() {
 }
 
 #[test]
-fn one_place_or_none_keeps_the_order() {
+fn equal_or_infinite_means_keep_their_order() {
     let gpu = support::gpu();
     for mean in [[1.0, 2.0, 3.0], [f32::NAN; 3]] {
         let mut host = support::scene(3, 300, CHANNELS, 0.05);

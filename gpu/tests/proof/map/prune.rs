@@ -47,7 +47,7 @@ fn one_head_is_enough_to_stay() {
 }
 
 #[test]
-fn an_opacity_that_is_none_is_refused() {
+fn a_limit_that_is_no_opacity_is_refused() {
     let gpu = support::gpu();
     let mut map = map(&gpu, &support::scene(5, 10, CHANNELS, 0.05));
     for wrong in [1.5, -0.1, f32::NAN, f32::INFINITY] {
@@ -57,7 +57,7 @@ fn an_opacity_that_is_none_is_refused() {
 }
 
 #[test]
-fn what_is_not_a_number_goes_and_harms_nobody() {
+fn gaussians_that_are_not_numbers_are_removed() {
     let gpu = support::gpu();
     let mut host = support::scene(8, 200, CHANNELS, 0.05);
     for (i, bad) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {

@@ -176,8 +176,8 @@ pub fn backward(view: &View, shape: &Shape, gradient: &Splat) -> Shape {
 }
 
 /// Takes a gradient with respect to the splat to (rho, theta), a left perturbation of
-/// `camera_from_world`: through the camera point, and through the rotation W in the covariance, whose
-/// columns w turn by theta x w.
+/// `camera_from_world`: through the camera point, and through the rotation W in the covariance,
+/// whose columns w turn by theta x w.
 pub fn pose_backward(view: &View, shape: &Shape, gradient: &Splat) -> Vector6<f64> {
     let p = view.rotation * shape.mean + view.translation;
     let unit = shape.rotation / shape.rotation.norm();
