@@ -39,7 +39,7 @@ pub(crate) fn frame(
     };
     let rgb = color::decode(wire.color_format, &wire.color, &intrinsics)?;
     let depth_metres = depth::decode(wire, opening, limits)?;
-    let labels = labels::decode(wire, opening)?;
+    let labels = labels::decode(wire, &opening.intrinsics, &opening.label_texts)?;
     Ok(Frame {
         sequence: wire.sequence,
         timestamp_nanos: wire.timestamp_nanos,

@@ -1,7 +1,6 @@
 //! Label images: grey PNG, raw 16 bit or zstd of it -> `[height * width]` labels, with their texts.
 
 use super::images::{self, u16s, unzstd};
-use super::opening::Opening;
 use super::refusal::Refusal;
 use crate::pipeline::frame::{Intrinsics, Labels};
 use crate::pipeline::query::MAX_TEXT_BYTES;
@@ -27,9 +26,13 @@ pub(super) fn texts(wire: &[String]) -> Result<Arc<[String]>, Refusal> {
     Ok(wire.iter().map(|text| text.trim().to_owned()).collect())
 }
 
-/// Decodes the frame's label image of the camera's size; `None` if it has none.
-pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Option<Labels>, Refusal> {
-    let camera = &opening.intrinsics;
+/// Decodes the frame's label image of the camera's size; `None` if it has none. `texts` are those that
+/// the stream was opened with.
+pub(super) fn decode(
+    wire: &v1::Frame,
+    camera: &Intrinsics,
+    texts: &Arc<[String]>,
+) -> Result<Option<Labels>, Refusal> {
     let width = camera.width as usize;
     let (pixels, data) = (width * camera.height as usize, &wire.labels[..]);
     let ids = match v1::LabelFormat::try_from(wire.label_format) {
@@ -44,7 +47,6 @@ pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Option<Label
             return Err(Refusal::new("label_format", reason));
         }
     };
-    let texts = opening.label_texts.clone();
     if texts.is_empty() {
         let reason = "the stream was opened without label_texts, so the labels have no meaning";
         return Err(Refusal::new(FIELD, reason));
@@ -57,7 +59,7 @@ pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Option<Label
         );
         return Err(Refusal::new(FIELD, reason));
     }
-    Ok(Some(Labels { ids: ids.into(), texts }))
+    Ok(Some(Labels { ids: ids.into(), texts: texts.clone() }))
 }
 
 fn png(data: &[u8], camera: &Intrinsics) -> Result<Vec<u16>, Refusal> {
