@@ -2,7 +2,7 @@
 
 use lexsplat_client::dataset::FrameRange;
 use lexsplat_client::stream::{Encoder, Poses};
-use lexsplat_evaluate::{EvaluateError, Options, Step, Target, evaluate, markdown, plot};
+use lexsplat_evaluate::{EvaluateError, Options, Report, Step, Target, evaluate, markdown, plot};
 use lexsplat_synthetic::SyntheticDataset;
 use lexsplat_tests::{Server, tiny_config};
 use std::num::NonZeroUsize;
@@ -64,6 +64,19 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     }
     assert!(report.peak_rss_bytes.is_some_and(|bytes| bytes > 50 << 20));
 
+    assert_language_is_scored(report);
+    assert!(measured.samples.len() == 4 && plot::psnr(&report.views).is_some());
+    assert!(plot::stages(&report.stages, report.frames).is_some());
+
+    let again = evaluate(open(), &target, options(false), |_| {}).await;
+    assert!(
+        matches!(again, Err(EvaluateError::MapInUse { frames, .. }) if frames == FRAMES as u64),
+        "{again:?}"
+    );
+    server.stop().await;
+}
+
+fn assert_language_is_scored(report: &Report) {
     let language = report.language.as_ref().expect("the room knows its things");
     assert_eq!(language.bundle_threshold, 0.5);
     assert!(language.classes.len() >= 5, "{:?}", language.classes);
@@ -81,13 +94,4 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     let presence = report.presence.as_ref().expect("the room knows its things");
     assert!(presence.judgements.len() > 100 && report.absent_accuracy.is_some());
     assert!(plot::reliability(presence).is_some());
-    assert!(measured.samples.len() == 4 && plot::psnr(&report.views).is_some());
-    assert!(plot::stages(&report.stages, report.frames).is_some());
-
-    let again = evaluate(open(), &target, options(false), |_| {}).await;
-    assert!(
-        matches!(again, Err(EvaluateError::MapInUse { frames, .. }) if frames == FRAMES as u64),
-        "{again:?}"
-    );
-    server.stop().await;
 }
