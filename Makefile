@@ -1,5 +1,5 @@
-# The commands of lexsplat. Each sets up what it needs. `make demo` builds the same packages with the same
-# features as `make test`, so that dependencies are built once for both.
+# The commands of lexsplat. Each sets up what it needs. `make demo` builds the whole workspace, as `make test`
+# does: with other packages, dependencies would get other features and be built twice.
 .DEFAULT_GOAL := help
 DATASET ?= synthetic:7
 KEEP ?= 0
@@ -16,7 +16,7 @@ deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
 
 demo: deps ## Build, map a room, ask five questions, write heat maps into demo-out/
 	@echo 'building lexsplat: minutes the first time, seconds from then on'
-	@cargo build --workspace --bins || { echo 'error: the build failed, see above' >&2; exit 1; }
+	@cargo build --workspace || { echo 'error: the build failed, see above' >&2; exit 1; }
 	@target/debug/lexsplat demo --dataset '$(DATASET)' $(if $(filter 1,$(KEEP)),--keep)
 
 test: lint ## Lints, and every test
