@@ -9,7 +9,7 @@ use std::str::FromStr;
 /// Seed of the synthetic room if none is given.
 const DEFAULT_SEED: u64 = 7;
 
-/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH` or `synthetic[:SEED]`.
+/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH` or `synthetic or synthetic:SEED`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DatasetSpec {
     /// A folder in Replica layout.
@@ -30,7 +30,7 @@ pub enum DatasetSpec {
 pub enum SpecError {
     /// Neither a known kind nor a complete specification.
     #[error(
-        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED], found {found:?}"
+        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED, found {found:?}"
     )]
     Unknown {
         /// The text that was given.

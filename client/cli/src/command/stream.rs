@@ -16,7 +16,7 @@ use std::sync::Arc;
                         lexsplat stream --dataset replica:room0 --map room0 --stride 2\n  \
                         lexsplat stream --dataset 7scenes:redkitchen/seq-01 --realtime")]
 pub struct Stream {
-    /// replica:PATH, tum:PATH, 7scenes:PATH or synthetic[:SEED]
+    /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     /// Map to create or resume; the data set's name if not given
