@@ -134,7 +134,7 @@ impl Robot {
     }
 
     /// Whether a point of the world lies in the box of a thing of that class, or at most
-    /// [`BOX_MARGIN_METRES`] beside it.
+    /// `BOX_MARGIN_METRES` beside it.
     pub fn is_in(&self, class: &str, point: [f32; 3]) -> bool {
         self.room.instances().iter().filter(|thing| thing.class == class).any(|thing| {
             (0..3).all(|axis| {
