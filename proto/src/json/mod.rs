@@ -25,3 +25,6 @@ pub use question::{Bounds, Question};
 pub use render::{Channel, RenderRequest};
 pub use reply::Reply;
 pub use segmentation::{LabelsLink, LegendEntry, Segmentation};
+
+#[cfg(test)]
+mod tests;

@@ -68,15 +68,3 @@ pub struct Bounds {
     /// The corner with the largest coordinates.
     pub max: [f32; 3],
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_question_holds_only_the_fields_that_were_set() {
-        let json = serde_json::to_string(&Question::in_frame("cup", 7)).unwrap();
-        assert_eq!(json, r#"{"text":"cup","view":{"frame":7}}"#);
-        assert_eq!(serde_json::to_string(&Question::in_space("cup")).unwrap(), r#"{"text":"cup"}"#);
-    }
-}
