@@ -1,7 +1,7 @@
 //! `KIND:PATH` as users write it on the command line, and opening the data set that it names.
 
 use lexsplat_client::dataset::{Dataset, DatasetError, FrameRange, Replica, SevenScenes, Tum};
-use lexsplat_synthetic::SyntheticDataset;
+use lexsplat_synthetic::{SyntheticDataset, Walk};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -52,13 +52,23 @@ impl DatasetSpec {
     /// # Errors
     /// [`DatasetError`], also if `range` leaves no frames.
     pub fn open(&self, range: FrameRange) -> Result<Box<dyn Dataset>, DatasetError> {
-        let dataset: Box<dyn Dataset> = match self {
+        range.of(self.whole(0.0)?)
+    }
+
+    /// Opens all of its frames. Rendered rooms are seen by a camera that shakes by `shake_radians`;
+    /// recordings stay as they are.
+    ///
+    /// # Errors
+    /// [`DatasetError`] if a file is missing or damaged.
+    pub fn whole(&self, shake_radians: f64) -> Result<Box<dyn Dataset>, DatasetError> {
+        Ok(match self {
             Self::Replica(path) => Box::new(Replica::open(path)?),
             Self::Tum(path) => Box::new(Tum::open(path)?),
             Self::SevenScenes(path) => Box::new(SevenScenes::open(path)?),
-            Self::Synthetic { seed } => Box::new(SyntheticDataset::new(*seed)),
-        };
-        range.of(dataset)
+            Self::Synthetic { seed } => {
+                Box::new(SyntheticDataset::of(&Walk { shake_radians, ..Walk::new(*seed) }))
+            }
+        })
     }
 }
 

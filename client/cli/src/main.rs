@@ -8,6 +8,7 @@ mod dataset;
 mod files;
 mod progress;
 mod runtime;
+mod sensing;
 mod server;
 
 use clap::{Parser, Subcommand};

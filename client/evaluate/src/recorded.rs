@@ -2,7 +2,7 @@
 //! read or rendered again for comparison.
 
 use crate::trajectory::StampedPose;
-use lexsplat_client::dataset::{Dataset, DatasetError, Intrinsics, RgbdFrame, Truth};
+use lexsplat_client::dataset::{Dataset, DatasetError, Intrinsics, Moment, RgbdFrame, Truth};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
@@ -68,6 +68,18 @@ impl Dataset for Recorded {
         let mut seen = self.seen.lock().expect("no thread panics while it holds this");
         seen.insert(index, Seen { index, sequence, nanos, truth });
         Ok(frame)
+    }
+
+    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
+        self.dataset.moment(index)
+    }
+
+    fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        self.dataset.clean_frame(index)
+    }
+
+    fn simulated(&self) -> Option<String> {
+        self.dataset.simulated()
     }
 
     fn skipped(&self) -> &[String] {

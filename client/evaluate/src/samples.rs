@@ -98,7 +98,7 @@ async fn pair(
 ) -> Result<(RgbImage, RgbImage), EvaluateError> {
     let found = seen.iter().find(|seen| seen.sequence == sequence);
     let index = found.expect("only frames that were read are scored").index;
-    let target = color(&context.dataset.frame(index)?)?;
+    let target = color(&context.dataset.clean_frame(index)?)?;
     Ok((target, context.render(sequence).await?))
 }
 

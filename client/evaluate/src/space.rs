@@ -116,7 +116,7 @@ impl Shown {
         let mut most_pixels: HashMap<u16, usize> = HashMap::new();
         let camera = dataset.intrinsics();
         for index in (0..dataset.len()).step_by(COUNTED_EVERY) {
-            let frame = dataset.frame(index)?;
+            let frame = dataset.clean_frame(index)?;
             let Some(world_from_camera) = frame.world_from_camera else { continue };
             let depth = depth_metres(&frame, dataset)?;
             let mask = truth.mask(index)?;

@@ -2,7 +2,8 @@
 //! network.
 //!
 //! The map is optimised on keyframes only, so other tracked frames are held out. Views are rendered
-//! at the tracked pose and at the size of the frame.
+//! at the tracked pose and at the size of the frame. If a sensor was simulated, they are compared
+//! with the clean frames, so that a map that learns the sensor's noise does not score for it.
 
 use crate::context::{Context, decoded};
 use crate::error::EvaluateError;
@@ -86,7 +87,7 @@ pub(crate) async fn score(
     let mut scores = Vec::with_capacity(selected.len());
     for (done, &SelectedView { index, keyframe }) in selected.iter().enumerate() {
         on_step(Step::Rendering { done, of: selected.len() });
-        let frame = context.dataset.frame(index)?;
+        let frame = context.dataset.clean_frame(index)?;
         let sequence = frame.sequence;
         let truth = color(&frame)?;
         let rendered = context.render(sequence).await?;

@@ -39,6 +39,24 @@ pub enum DatasetError {
         /// Error of the decoder or encoder.
         source: image::ImageError,
     },
+    /// A frame's image cannot be decoded.
+    #[error("frame {sequence} cannot be decoded")]
+    Decode {
+        /// Number of the frame.
+        sequence: u64,
+        /// Error of the decoder.
+        source: image::ImageError,
+    },
+    /// A frame's images do not fit the camera.
+    #[error("frame {sequence}: expected {expected} pixels as the camera has, found {found}")]
+    Pixels {
+        /// Number of the frame.
+        sequence: u64,
+        /// Columns times rows of the camera.
+        expected: usize,
+        /// Pixels of the image.
+        found: usize,
+    },
     /// The range leaves no frames.
     #[error("no frames from {start} to {end}: the data set has {len}")]
     Range {

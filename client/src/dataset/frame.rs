@@ -53,6 +53,15 @@ pub struct RgbdFrame {
     pub world_from_camera: Option<Isometry3<f64>>,
 }
 
+/// When and where a frame was taken, without its pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Time of the exposure, as in [`RgbdFrame`], nanoseconds.
+    pub timestamp_nanos: u64,
+    /// The camera's pose, metres; absent if it is not known.
+    pub world_from_camera: Option<Isometry3<f64>>,
+}
+
 /// Frames per second of layouts without times.
 const FRAMES_PER_SECOND: u64 = 30;
 

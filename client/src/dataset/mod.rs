@@ -21,7 +21,9 @@ mod tum;
 mod tests;
 
 pub use error::DatasetError;
-pub use frame::{Color, ColorFormat, Depth, DepthFormat, Intrinsics, RgbdFrame, counted_nanos};
+pub use frame::{
+    Color, ColorFormat, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame, counted_nanos,
+};
 pub use range::FrameRange;
 pub use replica::Replica;
 pub use seven_scenes::SevenScenes;

@@ -2,7 +2,7 @@
 //! forwards and backwards. Frames keep their numbers in one pass and are renumbered in several.
 
 use super::error::DatasetError;
-use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
+use super::frame::{Intrinsics, Moment, RgbdFrame, counted_nanos};
 use super::source::Dataset;
 use super::truth::{Instance, Mask, Truth};
 use std::num::NonZeroUsize;
@@ -61,6 +61,16 @@ struct Part {
     renumbered: bool,
 }
 
+impl Part {
+    fn numbered(&self, mut frame: RgbdFrame, index: usize) -> RgbdFrame {
+        if self.renumbered {
+            frame.sequence = index as u64;
+            frame.timestamp_nanos = counted_nanos(frame.sequence);
+        }
+        frame
+    }
+}
+
 impl Dataset for Part {
     fn name(&self) -> &str {
         self.dataset.name()
@@ -83,12 +93,22 @@ impl Dataset for Part {
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let mut frame = self.dataset.frame(self.indices[index])?;
-        if self.renumbered {
-            frame.sequence = index as u64;
-            frame.timestamp_nanos = counted_nanos(frame.sequence);
-        }
-        Ok(frame)
+        Ok(self.numbered(self.dataset.frame(self.indices[index])?, index))
+    }
+
+    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
+        let moment = self.dataset.moment(self.indices[index])?;
+        let nanos = counted_nanos(index as u64);
+        let timestamp_nanos = if self.renumbered { nanos } else { moment.timestamp_nanos };
+        Ok(Moment { timestamp_nanos, ..moment })
+    }
+
+    fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        Ok(self.numbered(self.dataset.clean_frame(self.indices[index])?, index))
+    }
+
+    fn simulated(&self) -> Option<String> {
+        self.dataset.simulated()
     }
 
     fn skipped(&self) -> &[String] {

@@ -1,7 +1,7 @@
 //! The trait that every data set implements.
 
 use super::error::DatasetError;
-use super::frame::{Intrinsics, RgbdFrame};
+use super::frame::{Intrinsics, Moment, RgbdFrame};
 use super::truth::Truth;
 
 /// A sequence of RGB-D frames of one camera.
@@ -31,6 +31,29 @@ pub trait Dataset: Send + Sync {
     /// # Errors
     /// [`DatasetError`] if a file is missing or damaged.
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError>;
+
+    /// When and where frame `index` was taken. Data sets that render frames know it without rendering.
+    ///
+    /// # Errors
+    /// As [`Dataset::frame`].
+    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
+        let RgbdFrame { timestamp_nanos, world_from_camera, .. } = self.frame(index)?;
+        Ok(Moment { timestamp_nanos, world_from_camera })
+    }
+
+    /// Frame `index` without a simulated sensor: what a perfect one would have sent. Maps are scored
+    /// against it. The same as [`Dataset::frame`] for a data set whose frames were not changed.
+    ///
+    /// # Errors
+    /// As [`Dataset::frame`].
+    fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        self.frame(index)
+    }
+
+    /// What was done to the frames to simulate a sensor, in words for a report; absent if nothing.
+    fn simulated(&self) -> Option<String> {
+        None
+    }
 
     /// Reasons for frames left out when the data set was opened, one line per frame.
     fn skipped(&self) -> &[String] {

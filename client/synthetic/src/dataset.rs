@@ -1,20 +1,43 @@
 //! The synthetic room as a data set: frames are rendered when they are read.
 
 use crate::camera::{Camera, View};
+use crate::encode::{DEPTH_SCALE, depth_png, jpeg};
 use crate::room::Room;
-use crate::write::{DEPTH_SCALE, depth_png, jpeg};
+use crate::shake::shaken;
 use lexsplat_client::dataset::{
     Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Instance, Intrinsics, Mask,
-    RgbdFrame, Truth, counted_nanos,
+    Moment, RgbdFrame, Truth, counted_nanos,
 };
 use nalgebra::Isometry3;
+use std::sync::{Arc, Mutex};
 
 /// Number of frames of the walk.
 const FRAMES: usize = 150;
 /// Columns and rows, pixels.
 const SIZE: (u32, u32) = (320, 240);
 
-/// A room and a walk of 150 frames through it, 320x240 pixels.
+/// Which room, and how the camera goes through it.
+#[derive(Clone, Copy, Debug)]
+pub struct Walk {
+    /// Seed of the room.
+    pub seed: u64,
+    /// Number of frames.
+    pub frames: usize,
+    /// The camera of every frame.
+    pub camera: Camera,
+    /// Root mean square of the camera's shaking about each of its axes, radians; 0: none.
+    pub shake_radians: f64,
+}
+
+impl Walk {
+    /// A walk of 150 frames, 320x240 pixels, without shaking.
+    pub fn new(seed: u64) -> Self {
+        let camera = Camera::new(SIZE.0, SIZE.1);
+        Self { seed, frames: FRAMES, camera, shake_radians: 0.0 }
+    }
+}
+
+/// A room and a walk through it.
 #[derive(Debug)]
 pub struct SyntheticDataset {
     name: String,
@@ -22,11 +45,19 @@ pub struct SyntheticDataset {
     camera: Camera,
     walk: Vec<Isometry3<f64>>,
     instances: Vec<Instance>,
+    /// The view that was rendered last: picture and mask of a frame are read one after the other.
+    last: Mutex<Option<(usize, Arc<View>)>>,
 }
 
 impl SyntheticDataset {
-    /// The room of this seed.
+    /// The room of this seed and a walk of 150 frames, 320x240 pixels.
     pub fn new(seed: u64) -> Self {
+        Self::of(&Walk::new(seed))
+    }
+
+    /// The room and the walk.
+    pub fn of(walk: &Walk) -> Self {
+        let Walk { seed, frames, camera, shake_radians } = *walk;
         let room = Room::new(seed);
         let instances = room
             .instances()
@@ -39,12 +70,21 @@ impl SyntheticDataset {
                 aabb_max: instance.aabb_max,
             })
             .collect();
-        let (name, walk) = (format!("synthetic-{seed}"), room.path(FRAMES));
-        Self { name, walk, instances, camera: Camera::new(SIZE.0, SIZE.1), room }
+        let name = format!("synthetic-{seed}");
+        let walk = shaken(room.path(frames), seed, shake_radians);
+        Self { name, walk, instances, camera, room, last: Mutex::default() }
     }
 
-    fn view(&self, index: usize) -> View {
-        self.room.render(&self.camera, &self.walk[index])
+    fn view(&self, index: usize) -> Arc<View> {
+        let mut last = self.last.lock().expect("no thread panics while it holds this");
+        match &*last {
+            Some((at, view)) if *at == index => view.clone(),
+            _ => {
+                let view = Arc::new(self.room.render(&self.camera, &self.walk[index]));
+                *last = Some((index, view.clone()));
+                view
+            }
+        }
     }
 }
 
@@ -82,6 +122,11 @@ impl Dataset for SyntheticDataset {
         })
     }
 
+    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
+        let timestamp_nanos = counted_nanos(index as u64);
+        Ok(Moment { timestamp_nanos, world_from_camera: Some(self.walk[index]) })
+    }
+
     fn truth(&self) -> Option<&dyn Truth> {
         Some(self)
     }
@@ -93,54 +138,22 @@ impl Truth for SyntheticDataset {
     }
 
     fn mask(&self, index: usize) -> Result<Mask, DatasetError> {
-        let View { width, height, instances, .. } = self.view(index);
-        Ok(Mask { width, height, ids: instances.into_iter().map(u16::from).collect() })
+        let view = self.view(index);
+        let ids = view.instances.iter().copied().map(u16::from).collect();
+        Ok(Mask { width: view.width, height: view.height, ids })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::{Plan, write};
     use image::{DynamicImage, ImageBuffer, Luma};
-    use lexsplat_client::dataset::Replica;
 
     fn units(depth: &Depth) -> ImageBuffer<Luma<u16>, Vec<u16>> {
         match image::load_from_memory(&depth.bytes).unwrap() {
             DynamicImage::ImageLuma16(units) => units,
             other => panic!("expected 16-bit grey, found {:?}", other.color()),
         }
-    }
-
-    #[test]
-    fn a_written_room_is_read_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let camera = Camera::new(24, 16);
-        write(folder.path(), &Plan { seed: 3, frames: 12, every: 4, camera }, |_| ()).unwrap();
-        let dataset = Replica::open(folder.path()).unwrap();
-        assert_eq!((dataset.len(), dataset.is_empty(), dataset.skipped().len()), (3, false, 0));
-        assert_eq!((dataset.intrinsics().fx, dataset.intrinsics().width), (camera.fx, 24));
-        assert_eq!(dataset.name(), folder.path().file_name().unwrap().to_str().unwrap());
-        let room = Room::new(3);
-        let pose = room.path(12)[8];
-        let view = room.render(&camera, &pose);
-        let frame = dataset.frame(2).unwrap();
-        assert_eq!((frame.sequence, frame.timestamp_nanos), (2, 66_666_666));
-        assert_eq!(frame.color.format, ColorFormat::Jpeg);
-        let found = frame.world_from_camera.unwrap();
-        assert!((found.translation.vector - pose.translation.vector).norm() < 1e-8);
-        assert!(found.rotation.angle_to(&pose.rotation) < 1e-7);
-        let unit = dataset.depth_unit_metres();
-        for (units, metres) in units(&frame.depth).iter().zip(&view.depth) {
-            assert!((f64::from(*units) * unit - f64::from(*metres)).abs() < unit);
-        }
-        let truth = dataset.truth().unwrap();
-        let mask = truth.mask(2).unwrap();
-        assert_eq!(mask.ids, view.instances.iter().map(|&id| id.into()).collect::<Vec<u16>>());
-        assert_ne!(mask.ids, truth.mask(0).unwrap().ids);
-        assert_eq!(truth.instances().len(), room.instances().len());
-        let classes = truth.classes();
-        assert!(classes.len() > 3 && !classes.contains(&"wall".into()), "{classes:?}");
     }
 
     #[test]

@@ -1,19 +1,16 @@
-//! Writes a synthetic room as a folder in Replica layout: `results/frame%06d.jpg`,
-//! `results/depth%06d.png` (16 bit, 6553.5 per metre), `semantic/%06d.png` (instance ids),
+//! Writes a data set as a folder in Replica layout: `results/frame%06d.jpg`,
+//! `results/depth%06d.png` (16 bit, 6553.5 per metre for rooms), `semantic/%06d.png` (instance ids),
 //! `instances.json`, `traj.txt` (world_from_camera, 4x4 row-major per line), `cam_params.json`.
 
-use crate::camera::{Camera, View};
-use crate::room::Room;
-use image::codecs::jpeg::JpegEncoder;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, ImageError};
+use crate::camera::Camera;
+use crate::dataset::{SyntheticDataset, Walk};
+use crate::encode::ids_png;
+use image::ImageError;
+use lexsplat_client::dataset::{Dataset, DatasetError, FrameRange, Instance};
 use nalgebra::Isometry3;
 use serde_json::json;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-
-/// Depth units per metre in the folders written here.
-pub const DEPTH_SCALE: f64 = 6553.5;
-const JPEG_QUALITY: u8 = 95;
 
 /// The folder to write.
 #[derive(Clone, Copy, Debug)]
@@ -42,34 +39,58 @@ pub enum WriteError {
     /// An image cannot be encoded.
     #[error("cannot encode a frame")]
     Encode(#[from] ImageError),
+    /// A frame cannot be made.
+    #[error(transparent)]
+    Frame(#[from] DatasetError),
 }
 
 /// Renders and writes the walk; calls `progress` with the number of frames written so far.
 ///
 /// # Errors
 /// [`WriteError`] if a file cannot be written or an image cannot be encoded.
-pub fn write(dir: &Path, plan: &Plan, mut progress: impl FnMut(usize)) -> Result<(), WriteError> {
-    let room = Room::new(plan.seed);
+pub fn write(dir: &Path, plan: &Plan, progress: impl FnMut(usize)) -> Result<(), WriteError> {
+    let Plan { seed, frames, every, camera } = *plan;
+    let walk = Walk { seed, frames, camera, shake_radians: 0.0 };
+    let stride = NonZeroUsize::new(every).unwrap_or(NonZeroUsize::MIN);
+    let range = FrameRange { stride, ..FrameRange::default() };
+    write_dataset(dir, &*range.of(Box::new(SyntheticDataset::of(&walk)))?, progress)
+}
+
+/// Writes the frames of a data set with poses and at most 255 objects; frames are numbered from 0.
+///
+/// # Errors
+/// [`WriteError`] if a frame cannot be made or a file cannot be written.
+pub fn write_dataset(
+    dir: &Path,
+    dataset: &dyn Dataset,
+    mut progress: impl FnMut(usize),
+) -> Result<(), WriteError> {
     for folder in ["results", "semantic"] {
         let path = dir.join(folder);
         std::fs::create_dir_all(&path).map_err(|source| WriteError::File { path, source })?;
     }
-    put(&dir.join("instances.json"), instances_json(&room).to_string().as_bytes())?;
-    let c = plan.camera;
+    let instances = dataset.truth().map_or(&[][..], |truth| truth.instances());
+    put(&dir.join("instances.json"), instances_json(instances).to_string().as_bytes())?;
+    let c = dataset.intrinsics();
     let camera = json!({"camera": {"w": c.width, "h": c.height, "fx": c.fx, "fy": c.fy,
-        "cx": c.cx, "cy": c.cy, "scale": DEPTH_SCALE}});
+        "cx": c.cx, "cy": c.cy, "scale": 1.0 / dataset.depth_unit_metres()}});
     put(&dir.join("cam_params.json"), camera.to_string().as_bytes())?;
-    let poses: Vec<_> = room.path(plan.frames).into_iter().step_by(plan.every.max(1)).collect();
-    let trajectory: String = poses.iter().map(|pose| matrix_line(pose) + "\n").collect();
-    put(&dir.join("traj.txt"), trajectory.as_bytes())?;
-    for (i, pose) in poses.iter().enumerate() {
-        let view = room.render(&plan.camera, pose);
-        put(&dir.join(format!("results/frame{i:06}.jpg")), &jpeg(&view)?)?;
-        put(&dir.join(format!("results/depth{i:06}.png")), &depth_png(&view)?)?;
-        put(&dir.join(format!("semantic/{i:06}.png")), &mask_png(&view)?)?;
+    let mut trajectory = String::new();
+    for i in 0..dataset.len() {
+        let frame = dataset.frame(i)?;
+        let pose = frame.world_from_camera.unwrap_or_default();
+        trajectory += &(matrix_line(&pose) + "\n");
+        put(&dir.join(format!("results/frame{i:06}.jpg")), &frame.color.bytes)?;
+        put(&dir.join(format!("results/depth{i:06}.png")), &frame.depth.bytes)?;
+        if let Some(truth) = dataset.truth() {
+            let mask = truth.mask(i)?;
+            let ids: Vec<u8> = mask.ids.iter().map(|id| *id as u8).collect();
+            let bytes = ids_png(mask.width, mask.height, &ids)?;
+            put(&dir.join(format!("semantic/{i:06}.png")), &bytes)?;
+        }
         progress(i + 1);
     }
-    Ok(())
+    put(&dir.join("traj.txt"), trajectory.as_bytes())
 }
 
 fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
@@ -84,8 +105,8 @@ fn matrix_line(pose: &Isometry3<f64>) -> String {
     numbers.join(" ")
 }
 
-fn instances_json(room: &Room) -> serde_json::Value {
-    room.instances()
+fn instances_json(instances: &[Instance]) -> serde_json::Value {
+    instances
         .iter()
         .map(|i| {
             json!({"id": i.id, "name": i.name, "class": i.class,
@@ -94,43 +115,48 @@ fn instances_json(room: &Room) -> serde_json::Value {
         .collect()
 }
 
-/// The color image of a view as JPEG.
-///
-/// # Errors
-/// If the encoder fails.
-pub fn jpeg(view: &View) -> Result<Vec<u8>, ImageError> {
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(
-        &view.rgb,
-        view.width,
-        view.height,
-        ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::room::Room;
+    use image::{DynamicImage, ImageBuffer, Luma};
+    use lexsplat_client::dataset::{ColorFormat, Depth, Replica};
 
-/// The depth of a view as 16-bit PNG, 6553.5 units per metre.
-///
-/// # Errors
-/// If the encoder fails.
-pub fn depth_png(view: &View) -> Result<Vec<u8>, ImageError> {
-    // The encoder takes samples in native byte order.
-    let units = |d: &f32| (f64::from(*d) * DEPTH_SCALE).round().clamp(0.0, 65535.0) as u16;
-    let samples: Vec<u8> = view.depth.iter().flat_map(|d| units(d).to_ne_bytes()).collect();
-    png(view, &samples, ExtendedColorType::L16)
-}
+    fn units(depth: &Depth) -> ImageBuffer<Luma<u16>, Vec<u16>> {
+        match image::load_from_memory(&depth.bytes).unwrap() {
+            DynamicImage::ImageLuma16(units) => units,
+            other => panic!("expected 16-bit grey, found {:?}", other.color()),
+        }
+    }
 
-/// The instance ids of a view as 8-bit PNG.
-///
-/// # Errors
-/// If the encoder fails.
-pub fn mask_png(view: &View) -> Result<Vec<u8>, ImageError> {
-    png(view, &view.instances, ExtendedColorType::L8)
-}
-
-fn png(view: &View, samples: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>, ImageError> {
-    let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(samples, view.width, view.height, kind)?;
-    Ok(bytes)
+    #[test]
+    fn a_written_room_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = Camera::new(24, 16);
+        write(folder.path(), &Plan { seed: 3, frames: 12, every: 4, camera }, |_| ()).unwrap();
+        let dataset = Replica::open(folder.path()).unwrap();
+        assert_eq!((dataset.len(), dataset.is_empty(), dataset.skipped().len()), (3, false, 0));
+        assert_eq!((dataset.intrinsics().fx, dataset.intrinsics().width), (camera.fx, 24));
+        assert_eq!(dataset.name(), folder.path().file_name().unwrap().to_str().unwrap());
+        let room = Room::new(3);
+        let pose = room.path(12)[8];
+        let view = room.render(&camera, &pose);
+        let frame = dataset.frame(2).unwrap();
+        assert_eq!((frame.sequence, frame.timestamp_nanos), (2, 66_666_666));
+        assert_eq!(frame.color.format, ColorFormat::Jpeg);
+        let found = frame.world_from_camera.unwrap();
+        assert!((found.translation.vector - pose.translation.vector).norm() < 1e-8);
+        assert!(found.rotation.angle_to(&pose.rotation) < 1e-7);
+        let unit = dataset.depth_unit_metres();
+        for (units, metres) in units(&frame.depth).iter().zip(&view.depth) {
+            assert!((f64::from(*units) * unit - f64::from(*metres)).abs() < unit);
+        }
+        let truth = dataset.truth().unwrap();
+        let mask = truth.mask(2).unwrap();
+        assert_eq!(mask.ids, view.instances.iter().map(|&id| id.into()).collect::<Vec<u16>>());
+        assert_ne!(mask.ids, truth.mask(0).unwrap().ids);
+        assert_eq!(truth.instances().len(), room.instances().len());
+        let classes = truth.classes();
+        assert!(classes.len() > 3 && !classes.contains(&"wall".into()), "{classes:?}");
+    }
 }

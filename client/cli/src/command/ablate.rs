@@ -8,6 +8,7 @@
 use super::measure::{measure_own, write};
 use crate::dataset::DatasetSpec;
 use crate::files::{make_folder, save};
+use crate::sensing::Sensing;
 use crate::server::{Plan, beside_this};
 use anyhow::{Result, bail};
 use lexsplat_client::dataset::{Dataset, FrameRange};
@@ -29,6 +30,8 @@ pub struct Ablate {
     /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
+    #[command(flatten)]
+    sensing: Sensing,
     /// Only the first N frames (after --stride)
     #[arg(long, value_name = "N")]
     frames: Option<NonZeroUsize>,
@@ -111,8 +114,11 @@ fn names() -> Vec<&'static str> {
 pub async fn run(arguments: &Ablate) -> Result<()> {
     let stride = arguments.stride;
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> =
-        Arc::from(arguments.dataset.open(FrameRange { end, stride, ..FrameRange::default() })?);
+    let dataset: Arc<dyn Dataset> = Arc::from(
+        arguments
+            .sensing
+            .open(&arguments.dataset, FrameRange { end, stride, ..FrameRange::default() })?,
+    );
     if dataset.truth().is_none() {
         bail!("{} has no masks, so language cannot be scored: choose another", arguments.dataset);
     }

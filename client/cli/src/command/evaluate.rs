@@ -5,6 +5,7 @@ use super::measure::{measure, measure_own, write};
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
 use crate::files::make_folder;
+use crate::sensing::Sensing;
 use crate::server::{self, Plan};
 use anyhow::{Result, bail};
 use lexsplat_client::dataset::{Dataset, FrameRange};
@@ -20,6 +21,7 @@ use std::sync::Arc;
     after_help = "Examples:\n  lexsplat evaluate --dataset replica:room0 --language --out room0-report\n  \
                   lexsplat evaluate --dataset synthetic:7 --frames 60\n  \
                   lexsplat evaluate --dataset replica:room0 --language --encoder oracle\n  \
+                  lexsplat evaluate --dataset synthetic:7 --poses estimate --sensor d435 --shake 0.5\n  \
                   lexsplat evaluate --dataset tum:fr3_office --poses estimate \
                   --grpc 127.0.0.1:50051 --http 127.0.0.1:8080"
 )]
@@ -27,6 +29,8 @@ pub struct Evaluate {
     /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
+    #[command(flatten)]
+    sensing: Sensing,
     /// Where the map's poses come from
     #[arg(long, value_enum, default_value_t = Poses::Given)]
     poses: Poses,
@@ -80,8 +84,9 @@ pub struct Evaluate {
 pub async fn run(arguments: &Evaluate) -> Result<()> {
     let (stride, passes) = (arguments.stride, arguments.passes);
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> =
-        Arc::from(arguments.dataset.open(FrameRange { start: 0, end, stride, passes })?);
+    let dataset: Arc<dyn Dataset> = Arc::from(
+        arguments.sensing.open(&arguments.dataset, FrameRange { start: 0, end, stride, passes })?,
+    );
     for (asked, option) in [
         (arguments.language, "--language"),
         (arguments.encoder == Encoder::Oracle, "--encoder oracle"),

@@ -4,6 +4,7 @@
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
 use crate::progress::{progress_bar, show};
+use crate::sensing::Sensing;
 use anyhow::{Result, bail};
 use lexsplat_client::dataset::FrameRange;
 use lexsplat_client::stream::{StreamOptions, Summary, stream};
@@ -14,11 +15,14 @@ use std::sync::Arc;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat stream --dataset synthetic:7\n  \
                         lexsplat stream --dataset replica:room0 --map room0 --stride 2\n  \
-                        lexsplat stream --dataset 7scenes:redkitchen/seq-01 --realtime")]
+                        lexsplat stream --dataset 7scenes:redkitchen/seq-01 --realtime\n  \
+                        lexsplat stream --dataset replica:room0 --sensor kinect --blackout 100..110")]
 pub struct Stream {
     /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
+    #[command(flatten)]
+    sensing: Sensing,
     /// Map to create or resume; the data set's name if not given
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
@@ -56,7 +60,7 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         stride: arguments.stride,
         ..FrameRange::default()
     };
-    let dataset = arguments.dataset.open(range)?;
+    let dataset = arguments.sensing.open(&arguments.dataset, range)?;
     if let [first, ..] = dataset.skipped() {
         eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
     }

@@ -75,6 +75,7 @@ pub fn example_report() -> Report {
     let stage = Stage { count: 40, seconds: 0.4, mean_ms: 10.0 };
     Report {
         dataset: "room7".into(),
+        simulated: None,
         frame_size: [320, 240],
         poses: "given",
         encoder: "bundle",

@@ -38,7 +38,7 @@ fn line(page: &mut String, text: std::fmt::Arguments<'_>) {
 fn heading(report: &Report) -> String {
     let [width, height] = report.frame_size;
     format!(
-        "# {}: {} frames of {width}x{height}, poses {}, {}\n\nlexsplat {} on {}; networks: {}.\n\n",
+        "# {}: {} frames of {width}x{height}, poses {}, {}\n\nlexsplat {} on {}; networks: {}.\n\n{}",
         report.dataset,
         report.frames,
         match report.poses {
@@ -51,7 +51,11 @@ fn heading(report: &Report) -> String {
         },
         report.version,
         report.adapter,
-        report.bundle
+        report.bundle,
+        match &report.simulated {
+            Some(simulated) => format!("Simulated sensor: {simulated}.\n\n"),
+            None => String::new(),
+        }
     )
 }
 

@@ -34,6 +34,12 @@ pub(super) fn protocol(report: &Report) -> String {
             None => String::new(),
         }
     );
+    if let Some(simulated) = &report.simulated {
+        page += &format!(
+            "- **Simulated sensor**: {simulated}. The server received these frames; views, depth and \
+             clouds are compared with the clean frames, without the sensor.\n"
+        );
+    }
     if report.language.is_some() {
         page += &frame_queries(smoothing(report.frame_size[0] as usize));
         page += &map_queries();

@@ -21,6 +21,8 @@ use std::num::NonZeroUsize;
 pub struct Report {
     /// Name of the data set.
     pub dataset: String,
+    /// What was done to the frames to simulate a sensor; scores are against the frames without it.
+    pub simulated: Option<String>,
     /// Columns and rows of the frames.
     pub frame_size: [u32; 2],
     /// "given" or "estimate".
@@ -134,6 +136,7 @@ impl Report {
         let per_frame = |seconds: f64| seconds / summary.sent.max(1) as f64;
         Self {
             dataset: dataset.name().to_owned(),
+            simulated: dataset.simulated(),
             frame_size: [camera.width, camera.height],
             encoder: encoder_name(measured.options.encoder),
             hold_out_every: measured.options.hold_out_every.map(NonZeroUsize::get),

@@ -10,6 +10,7 @@ use crate::dataset::DatasetSpec;
 use crate::files::make_folder;
 use crate::progress::{progress_bar, show};
 use crate::runtime::interrupted;
+use crate::sensing::Sensing;
 use crate::server::{self, Plan, Server};
 use anyhow::{Context as _, Result, bail};
 use ask::{Asked, Asker};
@@ -31,6 +32,8 @@ pub struct Demo {
     /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH", default_value = "synthetic:7")]
     dataset: DatasetSpec,
+    #[command(flatten)]
+    sensing: Sensing,
     /// Where poses come from
     #[arg(long, value_enum, default_value_t = Poses::Estimate)]
     poses: Poses,
@@ -73,7 +76,7 @@ pub async fn run(arguments: &Demo) -> Result<()> {
         stride: arguments.stride,
         ..FrameRange::default()
     };
-    let dataset: Arc<dyn Dataset> = Arc::from(arguments.dataset.open(range)?);
+    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(&arguments.dataset, range)?);
     let out = &arguments.out;
     make_folder(out)?;
     let plan = Plan {
