@@ -62,13 +62,19 @@ impl Noise {
     }
 }
 
-/// The sum over neighbours in the row, with the variance of one.
+/// The sum over neighbours in the row with the weights of a triangle, scaled to variance 1. In rows
+/// and columns this is nearly round; equal weights would look woven.
 fn summed(values: &[f32], width: usize, reach: usize) -> Vec<f32> {
     let mut sums = Vec::with_capacity(values.len());
     for row in values.chunks_exact(width) {
         sums.extend((0..width).map(|x| {
-            let near = &row[x.saturating_sub(reach)..(x + reach + 1).min(width)];
-            near.iter().sum::<f32>() / (near.len() as f32).sqrt()
+            let (mut sum, mut squares) = (0.0, 0.0);
+            let first = x.saturating_sub(reach);
+            for (i, value) in row[first..(x + reach + 1).min(width)].iter().enumerate() {
+                let weight = (reach + 1 - x.abs_diff(first + i)) as f32;
+                (sum, squares) = (sum + weight * value, squares + weight * weight);
+            }
+            sum / squares.sqrt()
         }));
     }
     sums
@@ -99,7 +105,7 @@ mod tests {
     fn fields_have_variance_1_and_the_correlation_that_is_asked_for() {
         let noise = Noise { seed: 1, frame: 4 };
         let (width, height) = (200, 150);
-        for (reach, expected) in [(0.0, 0.0), (2.0, 0.8)] {
+        for (reach, expected) in [(0.0, 0.0), (2.0, 0.84)] {
             let field = noise.field(Purpose::Axial, width, height, reach);
             assert!((deviation(&field) - 1.0).abs() < 0.05, "{}", deviation(&field));
             for found in correlations(&field, width) {

@@ -192,7 +192,7 @@ pub const D435: Preset = Preset {
     // Chosen: both eyes still see a pattern at 80 degrees.
     least_cosine: 0.17,
     // Chosen: stereo needs texture and not much light; only black is lost.
-    least_signal: 0.001,
+    least_signal: 0.0005,
     // Chosen: color is another sensor with its own shutter.
     depth_lag: 0.005,
     color: ColorPreset {
