@@ -141,7 +141,7 @@ mod tests {
         let plain = spec.open(range()).unwrap();
         let sensing = parsed("--sensor tof --sensor-seed 5 --shake 1.5 --blackout 1..2").unwrap();
         let part = sensing.open(&spec, range()).unwrap();
-        let words = "sensor tof with seed 5, frames 1..2 black";
+        let words = "camera shaken by 1.50 degrees, sensor tof with seed 5, frames 1..2 black";
         assert_eq!((part.len(), part.simulated().as_deref()), (3, Some(words)));
         let pose = |dataset: &dyn Dataset| dataset.moment(1).unwrap().world_from_camera.unwrap();
         let turned = pose(&*part).rotation.angle_to(&pose(&*plain).rotation);

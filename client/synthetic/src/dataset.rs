@@ -45,6 +45,7 @@ pub struct SyntheticDataset {
     camera: Camera,
     walk: Vec<Isometry3<f64>>,
     instances: Vec<Instance>,
+    shake_radians: f64,
     /// The view that was rendered last: picture and mask of a frame are read one after the other.
     last: Mutex<Option<(usize, Arc<View>)>>,
 }
@@ -72,7 +73,7 @@ impl SyntheticDataset {
             .collect();
         let name = format!("synthetic-{seed}");
         let walk = shaken(room.path(frames), seed, shake_radians);
-        Self { name, walk, instances, camera, room, last: Mutex::default() }
+        Self { name, walk, instances, camera, room, shake_radians, last: Mutex::default() }
     }
 
     fn view(&self, index: usize) -> Arc<View> {
@@ -125,6 +126,11 @@ impl Dataset for SyntheticDataset {
     fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
         let timestamp_nanos = counted_nanos(index as u64);
         Ok(Moment { timestamp_nanos, world_from_camera: Some(self.walk[index]) })
+    }
+
+    fn simulated(&self) -> Option<String> {
+        let degrees = self.shake_radians.to_degrees();
+        (degrees > 0.0).then(|| format!("camera shaken by {degrees:.2} degrees"))
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

@@ -21,7 +21,7 @@ use std::num::NonZeroUsize;
 pub struct Report {
     /// Name of the data set.
     pub dataset: String,
-    /// What was done to the frames to simulate a sensor; scores are against the frames without it.
+    /// What was done to simulate a sensor or a shaking camera; scores are against clean frames.
     pub simulated: Option<String>,
     /// Columns and rows of the frames.
     pub frame_size: [u32; 2],
