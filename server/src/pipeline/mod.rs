@@ -11,6 +11,7 @@ mod downsampled_frame;
 pub mod encoder;
 pub mod engine;
 mod exposure;
+mod features;
 pub mod frame;
 mod keyframes;
 mod live_map;

@@ -54,6 +54,7 @@ pub const CRATES: &[Declared] = &[
             &["pipeline/frame"],
             &["pipeline/downsampled_frame"],
             &["pipeline/backdrop"],
+            &["pipeline/features"],
             &["pipeline/network"],
             &["pipeline/compressor"],
             &["pipeline/srd"],

@@ -2,6 +2,7 @@
 
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::exposure;
+use super::super::features::Features;
 use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose};
 use super::super::pose_adam::PoseAdam;
 use super::language::KeyframeLanguage;
@@ -30,6 +31,8 @@ pub(in super::super) struct Keyframe {
     /// Exposure (a, b): the map's intensity is exp(a) times the keyframe's plus b. The inverse of
     /// `frame.exposure`, in double precision.
     pub map_exposure: [f64; 2],
+    /// Corners for relocalisation.
+    pub features: Features,
     /// Grey thumbnail for relocalisation.
     pub thumbnail: Thumbnail,
     /// Whether the tracker estimated the pose, so that the map may refine it.
@@ -79,6 +82,7 @@ impl Keyframe {
             rgb: frame.rgb.clone(),
             target,
             map_exposure: tracked.exposure,
+            features: Features::detect(&tracking),
             thumbnail: Thumbnail::new(&tracking),
             is_estimated: tracked.is_estimated,
             pose_adam: PoseAdam::default(),
@@ -102,7 +106,7 @@ impl Keyframe {
         images.dedup();
         let host: usize = images.iter().map(|(_, bytes)| bytes).sum();
         let language = self.language.as_ref().map_or(0, KeyframeLanguage::bytes);
-        host as u64 + self.target.device_bytes() + language
+        (host + self.features.bytes()) as u64 + self.target.device_bytes() + language
     }
 
     /// Sets the pose everywhere it is kept.

@@ -8,14 +8,15 @@ use super::super::keyframes::Keyframe;
 use super::candidate::{InitialPose, PoseCandidate};
 use super::config::TrackerConfig;
 use super::multi_reference::{self, Reference, adjoint};
-use super::quality::AlignmentQuality;
+use super::quality::{self, AlignmentQuality};
 use super::scene::Scene;
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
 
 use lexsplat_gpu::pyramid;
 use lexsplat_gpu::{
-    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, Pyramid, Pyramids, Schedule,
+    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, NormalSystem, Pyramid, Pyramids,
+    Schedule,
 };
 use nalgebra::{Isometry3, Matrix6};
 
@@ -282,10 +283,21 @@ fn align(
     world_from_camera.rotation.renormalize();
     // A prior constrains motions that the images do not show.
     let conditioning = aligned.system.conditioning(schedule.with_exposure, schedule.prior.as_ref());
+    let exposure = aligned.estimate.exposure;
+    let best = quality::best(&systems);
+    let seen_from_reference = match best {
+        Some(at) => {
+            let estimate = multi_reference::reversed(&references[at], &world_from_camera, exposure);
+            let levels = (&live.levels()[0], &references[at].pyramid.levels()[0]);
+            aligner.system(levels.0, levels.1, &estimate, &schedule.settings.at_level(0))?
+        }
+        None => NormalSystem::default(),
+    };
+    let system = best.map(|at| &systems[at]);
     Ok(PoseCandidate {
         world_from_camera,
-        exposure: aligned.estimate.exposure,
-        quality: AlignmentQuality::of(&systems, conditioning),
+        exposure,
+        quality: AlignmentQuality::of(system, &seen_from_reference, conditioning),
         jumped: false,
     })
 }

@@ -12,6 +12,7 @@
 //! Only the gain a is estimated; b stays at its start. With both free, image noise makes the contrast of each
 //! keyframe one percent too low (regression dilution), and the error adds up along a walk.
 
+use super::super::exposure;
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
 
@@ -74,6 +75,21 @@ pub(super) fn align(
     Ok((aligned, systems))
 }
 
+/// The estimate with which the reference is aligned with the live image instead.
+pub(super) fn reversed(
+    reference: &Reference<'_>,
+    world_from_live: &Isometry3<f64>,
+    exposure: [f64; 2],
+) -> Estimate {
+    let base_from_live = Isometry3::identity();
+    let linear = LinearMap::new(reference, world_from_live);
+    let here = linear.estimate(&Estimate { reference_from_live: base_from_live, exposure });
+    Estimate {
+        reference_from_live: here.reference_from_live.inverse(),
+        exposure: exposure::inverse(here.exposure),
+    }
+}
+
 /// Change of variables from the common unknowns to those of one reference.
 struct LinearMap {
     reference_from_base: Isometry3<f64>,
@@ -110,6 +126,8 @@ impl LinearMap {
         all.geometric += one.geometric;
         all.photometric_inliers += one.photometric_inliers;
         all.geometric_inliers += one.geometric_inliers;
+        all.visible += one.visible;
+        all.agreeing += one.agreeing;
     }
 }
 

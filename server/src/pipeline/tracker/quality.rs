@@ -21,27 +21,28 @@ pub(super) struct AlignmentQuality {
     pub surface: f64,
     /// Share of the compared pixels that have the reference's intensity.
     pub intensity: f64,
+    /// Share of the pixels on surfaces that both images show that agree in depth and intensity, in the
+    /// direction in which it is smaller. A pixel that lies in front of the other image's surface
+    /// contradicts it; one that lies behind is hidden and does not count.
+    pub agreement: f64,
     /// Smallest over largest eigenvalue of the normal system.
     pub conditioning: f64,
 }
 
 impl AlignmentQuality {
-    /// Quality with respect to the reference that the frame agrees with best.
-    pub fn of(systems: &[NormalSystem], conditioning: f64) -> Self {
-        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
-        let quality = |system: &NormalSystem| {
-            let counts = &system.counts;
-            Self {
-                overlap: share(counts.inside, counts.live),
-                surface: share(counts.geometric_inliers, counts.inside),
-                intensity: share(counts.photometric_inliers, counts.photometric),
-                conditioning,
-            }
-        };
-        let all = systems.iter().map(quality);
-        let agreement = |quality: &Self| quality.overlap * quality.surface;
-        let best = all.max_by(|a, b| agreement(a).total_cmp(&agreement(b)));
-        best.unwrap_or(Self { overlap: 0.0, surface: 0.0, intensity: 0.0, conditioning })
+    /// Quality from the system with respect to the best reference, and from the same two images with
+    /// their roles exchanged.
+    pub fn of(system: Option<&NormalSystem>, exchanged: &NormalSystem, conditioning: f64) -> Self {
+        let counts = system.map(|system| system.counts).unwrap_or_default();
+        let other = &exchanged.counts;
+        Self {
+            overlap: share(counts.inside, counts.live),
+            surface: share(counts.geometric_inliers, counts.inside),
+            intensity: share(counts.photometric_inliers, counts.photometric),
+            agreement: share(counts.agreeing, counts.visible)
+                .min(share(other.agreeing, other.visible)),
+            conditioning,
+        }
     }
 
     /// Good enough for a frame that was predicted.
@@ -58,6 +59,19 @@ impl AlignmentQuality {
             && self.surface >= config.relocalise_surface
             && self.intensity >= config.relocalise_intensity
     }
+}
+
+/// Index of the reference that the frame agrees with best.
+pub(super) fn best(systems: &[NormalSystem]) -> Option<usize> {
+    let agreement = |system: &NormalSystem| {
+        let counts = &system.counts;
+        share(counts.inside, counts.live) * share(counts.geometric_inliers, counts.inside)
+    };
+    (0..systems.len()).max_by(|a, b| agreement(&systems[*a]).total_cmp(&agreement(&systems[*b])))
+}
+
+fn share(part: u32, whole: u32) -> f64 {
+    f64::from(part) / f64::from(whole.max(1))
 }
 
 /// Whether a frame is black or hardly measured, so that it can be neither tracked nor mapped.
