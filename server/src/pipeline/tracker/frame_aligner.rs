@@ -4,6 +4,7 @@
 //! tracker accepts or not.
 
 use super::super::downsampled_frame::DownsampledFrame;
+use super::super::frame::Frame;
 use super::super::keyframes::Keyframe;
 use super::candidate::{InitialPose, PoseCandidate};
 use super::config::TrackerConfig;
@@ -41,9 +42,13 @@ pub(super) struct FrameAligner {
     rendered: Pyramid,
     /// The frame to be aligned.
     live: Pyramid,
+    /// Its sequence number.
+    uploaded: Option<u64>,
     /// The last tracked frame.
     last: Pyramid,
     last_found: Option<PoseCandidate>,
+    /// The last lost frame, if it was kept.
+    stray: Pyramid,
     /// Images of the keyframes used last, by sequence number.
     keyframes: Vec<(u64, Pyramid)>,
 }
@@ -64,6 +69,7 @@ impl FrameAligner {
         let pyramids = Pyramids::new(gpu)?;
         let allocate = || pyramids.allocate(camera, levels);
         let (rendered, live, last) = (allocate()?, allocate()?, allocate()?);
+        let stray = allocate()?;
         Ok(Some(Self {
             gpu: gpu.clone(),
             config: config.clone(),
@@ -73,8 +79,10 @@ impl FrameAligner {
             pyramids,
             rendered,
             live,
+            uploaded: None,
             last,
             last_found: None,
+            stray,
             keyframes: Vec::new(),
         }))
     }
@@ -83,14 +91,25 @@ impl FrameAligner {
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
-    pub fn upload(&mut self, frame: &DownsampledFrame) -> Result<(), GpuError> {
+    pub fn upload(&mut self, frame: &DownsampledFrame, sequence: u64) -> Result<(), GpuError> {
+        self.uploaded = Some(sequence);
         self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)
+    }
+
+    /// Whether this frame was uploaded last.
+    pub fn is_uploaded(&self, frame: &Frame) -> bool {
+        self.uploaded == Some(frame.sequence)
     }
 
     /// Keeps the uploaded frame, which was tracked, as the last frame.
     pub fn keep_as_last(&mut self, found: &PoseCandidate) {
         std::mem::swap(&mut self.live, &mut self.last);
         self.last_found = Some(*found);
+    }
+
+    /// Keeps the uploaded frame, which was lost.
+    pub fn keep_as_stray(&mut self) {
+        std::mem::swap(&mut self.live, &mut self.stray);
     }
 
     /// Aligns the frame with keyframes, and with the map rendered at the initial pose if `map_weight` is set
@@ -227,6 +246,23 @@ impl FrameAligner {
         let estimate = Estimate { exposure: last.exposure, ..Estimate::default() };
         let (aligner, live, base) = (&mut self.aligner, &self.live, &start.world_from_camera);
         align(aligner, &[reference], live, base, &estimate, &schedule).map(Some)
+    }
+
+    /// Aligns the frame with the lost one that was kept, in that frame's coordinates.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn align_with_stray(&mut self) -> Result<PoseCandidate, GpuError> {
+        let base = Isometry3::identity();
+        let reference = Reference {
+            pyramid: &self.stray,
+            world_from_reference: base,
+            exposure: [0.0; 2],
+            weight: 1.0,
+        };
+        let schedule = self.schedule(false, None);
+        let (aligner, live, start) = (&mut self.aligner, &self.live, Estimate::default());
+        align(aligner, &[reference], live, &base, &start, &schedule)
     }
 
     /// Every how many pixels of the finest level one is compared.

@@ -10,7 +10,7 @@ use super::quality::AlignmentQuality;
 /// Unexplained share that is expected before any frame was tracked.
 const FIRST_USUAL: f64 = 0.04;
 /// The usual share is never taken to be more than this, so that wrong poses cannot raise it far.
-const MOST_USUAL: f64 = 0.12;
+const MOST_USUAL: f64 = 0.09;
 /// Least weight of a new frame in the usual share; the first frames weigh more.
 const LEARNING: f64 = 0.1;
 

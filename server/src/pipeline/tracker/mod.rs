@@ -23,6 +23,7 @@ mod photometric;
 mod quality;
 mod scene;
 mod search;
+mod young_map;
 
 pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use scene::Scene;
@@ -41,6 +42,7 @@ use nalgebra::Isometry3;
 use quality::is_blank;
 use search::{Origin, Search};
 use std::cmp::Reverse;
+use young_map::YoungMap;
 
 /// Estimates poses, one frame after the other.
 pub(super) struct Tracker {
@@ -53,6 +55,16 @@ pub(super) struct Tracker {
     exposure: [f64; 2],
     state: TrackingState,
     judge: Judge,
+    young: YoungMap,
+}
+
+/// What became of a frame.
+pub(super) enum Tracking {
+    Found(TrackedPose),
+    Lost,
+    /// The frame is not in the map, but it agrees with this earlier one, which was lost too. The map has only
+    /// a few frames: it is to be emptied and begun with the earlier frame.
+    BeginAnew(Box<Frame>),
 }
 
 impl Tracker {
@@ -65,14 +77,22 @@ impl Tracker {
             exposure: [0.0; 2],
             state: TrackingState::Empty,
             judge: Judge::default(),
+            young: YoungMap::default(),
         }
     }
 
     /// Treats the next frame as lost because it comes from another stream, whose camera may be anywhere.
     pub fn resume(&mut self) {
+        self.young.resume();
         if self.state == TrackingState::Tracking {
             self.state = TrackingState::Lost;
         }
+    }
+
+    /// Forgets the map, which was emptied. Kernels and buffers are kept.
+    pub fn begin_anew(&mut self) {
+        let aligner = self.aligner.take();
+        *self = Self { aligner, ..Self::new(&self.gpu, &self.config) };
     }
 
     /// State after the newest frame.
@@ -80,15 +100,11 @@ impl Tracker {
         self.state
     }
 
-    /// Estimates the pose of a frame; `None` if it is lost.
+    /// Estimates the pose of a frame.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn track(
-        &mut self,
-        frame: &Frame,
-        scene: &mut Scene<'_>,
-    ) -> Result<Option<TrackedPose>, GpuError> {
+    pub fn track(&mut self, frame: &Frame, scene: &mut Scene<'_>) -> Result<Tracking, GpuError> {
         let was_lost = self.state == TrackingState::Lost && self.motion.last().is_some();
         let found = match frame.world_from_camera {
             Some(pose) => Some(PoseCandidate::given(pose)),
@@ -96,7 +112,7 @@ impl Tracker {
         };
         let Some(PoseCandidate { world_from_camera, exposure, jumped, quality }) = found else {
             self.state = TrackingState::Lost;
-            return Ok(None);
+            return self.lost(frame);
         };
         if was_lost || jumped {
             self.motion.restart(world_from_camera, frame.timestamp_nanos);
@@ -106,11 +122,36 @@ impl Tracker {
         self.state = TrackingState::Tracking;
         self.exposure = exposure;
         let is_estimated = frame.world_from_camera.is_none();
-        if is_estimated {
+        if is_estimated && !scene.gaussians.is_empty() {
             self.judge.learn(&quality);
         }
+        self.young.tracked(is_estimated);
         let relocalised = (was_lost || jumped) && is_estimated;
-        Ok(Some(TrackedPose { world_from_camera, exposure, is_estimated, relocalised }))
+        let tracked = TrackedPose { world_from_camera, exposure, is_estimated, relocalised };
+        Ok(Tracking::Found(tracked))
+    }
+
+    /// A frame is lost. If the map is young, it is kept, or the map begins anew.
+    fn lost(&mut self, frame: &Frame) -> Result<Tracking, GpuError> {
+        // A blank frame was not uploaded.
+        let Some(aligner) = self.aligner.as_mut().filter(|aligner| aligner.is_uploaded(frame))
+        else {
+            return Ok(Tracking::Lost);
+        };
+        if self.young.may_begin_anew() {
+            let quality = aligner.align_with_stray()?.quality;
+            tracing::debug!(sequence = frame.sequence, ?quality, "aligned with a lost frame");
+            if quality.is_tracked(&self.config)
+                && Judge::default().is_believable(&quality, &self.config)
+                && let Some(stray) = self.young.take_stray()
+            {
+                return Ok(Tracking::BeginAnew(Box::new(stray)));
+            }
+        }
+        if self.young.lost(frame) {
+            aligner.keep_as_stray();
+        }
+        Ok(Tracking::Lost)
     }
 
     fn estimate(
@@ -127,7 +168,7 @@ impl Tracker {
         }
         // Taken out, so that it can be borrowed beside the tracker's other fields.
         let Some(mut aligner) = self.aligner.take() else { return Ok(None) };
-        aligner.upload(&image)?;
+        aligner.upload(&image, frame.sequence)?;
         let found = if scene.gaussians.is_empty() {
             let hint = frame.hint.as_ref().map(|hint| hint.world_from_camera);
             Some(PoseCandidate::given(hint.unwrap_or_default()))
