@@ -8,7 +8,7 @@ const CELL: usize = 12;
 /// Pixels at the border where no corner is looked for.
 const BORDER: usize = 4;
 /// Least smaller eigenvalue of the summed gradients, brightness² of 5x5 pixels.
-const LEAST: f32 = 60.0;
+const LEAST: f32 = 8.0;
 /// Corners of one image at most.
 const MAX_CORNERS: usize = 800;
 /// Neighbouring pixels lie on one surface if their depths differ by at most this share.

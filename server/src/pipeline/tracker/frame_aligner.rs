@@ -27,6 +27,8 @@ const WIDE_FACTOR: f64 = 5.0;
 const MAX_NARROW_ALIGNMENTS: usize = 4;
 /// The narrow alignments end when the pose moves less than this, metres and radians.
 const SETTLED: f64 = 1e-3;
+/// The check with exchanged roles looks at one in this many of the pixels that are aligned.
+const CHECKED_STRIDE: u32 = 4;
 /// Largest stride between compared pixels that [`AlignSettings`] takes.
 const MAX_STRIDE: usize = 64;
 
@@ -325,7 +327,9 @@ fn align(
         Some(at) => {
             let estimate = multi_reference::reversed(&references[at], &world_from_camera, exposure);
             let levels = (&live.levels()[0], &references[at].pyramid.levels()[0]);
-            aligner.system(levels.0, levels.1, &estimate, &schedule.settings.at_level(0))?
+            let stride = (schedule.settings.stride * CHECKED_STRIDE).min(MAX_STRIDE as u32);
+            let settings = AlignSettings { stride, ..schedule.settings };
+            aligner.system(levels.0, levels.1, &estimate, &settings)?
         }
         None => NormalSystem::default(),
     };

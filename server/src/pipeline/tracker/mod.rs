@@ -39,7 +39,7 @@ use judge::Judge;
 use lexsplat_gpu::{Gpu, GpuError};
 use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
-use quality::is_blank;
+use quality::{is_blank, usable_share};
 use search::{Origin, Search};
 use std::cmp::Reverse;
 use young_map::YoungMap;
@@ -56,6 +56,8 @@ pub(super) struct Tracker {
     state: TrackingState,
     judge: Judge,
     young: YoungMap,
+    /// Share of the newest frame's pixels that are usable; 0 if its pose was given.
+    usable: f64,
 }
 
 /// What became of a frame.
@@ -78,6 +80,7 @@ impl Tracker {
             state: TrackingState::Empty,
             judge: Judge::default(),
             young: YoungMap::default(),
+            usable: 0.0,
         }
     }
 
@@ -125,7 +128,7 @@ impl Tracker {
         if is_estimated && !scene.gaussians.is_empty() {
             self.judge.learn(&quality);
         }
-        self.young.tracked(is_estimated);
+        self.young.tracked(is_estimated, self.usable);
         let relocalised = (was_lost || jumped) && is_estimated;
         let tracked = TrackedPose { world_from_camera, exposure, is_estimated, relocalised };
         Ok(Tracking::Found(tracked))
@@ -148,7 +151,7 @@ impl Tracker {
                 return Ok(Tracking::BeginAnew(Box::new(stray)));
             }
         }
-        if self.young.lost(frame) {
+        if self.young.lost(frame, self.usable) {
             aligner.keep_as_stray();
         }
         Ok(Tracking::Lost)
@@ -160,6 +163,7 @@ impl Tracker {
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let image = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
+        self.usable = usable_share(&image);
         if is_blank(&image) {
             return Ok(None);
         }
@@ -294,7 +298,10 @@ impl Tracker {
             );
         }
         let still = self.motion.last();
-        let far = self.motion.predict(frame.timestamp_nanos, LONG_PAUSE);
+        let far = self
+            .motion
+            .predict(frame.timestamp_nanos, LONG_PAUSE)
+            .filter(|far| Some(*far) != still);
         let near_last = still.into_iter().chain(far).map(|pose| {
             let start = self.start(pose, true);
             let references = self.references(scene, image, &start);

@@ -12,6 +12,9 @@ const MIN_MEASURED: f64 = 0.03;
 /// A frame with a smaller mean intensity is black, 0 to 255.
 const BLACK: f64 = 6.0;
 
+/// Colors that are neither black nor blown out.
+const USABLE_COLOR: std::ops::Range<u8> = 4..252;
+
 /// How well a frame agrees with its reference after alignment. All shares are 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AlignmentQuality {
@@ -72,6 +75,15 @@ pub(super) fn best(systems: &[NormalSystem]) -> Option<usize> {
 
 fn share(part: u32, whole: u32) -> f64 {
     f64::from(part) / f64::from(whole.max(1))
+}
+
+/// Share of the pixels that have a depth and are neither black nor blown out, 0 to 1.
+pub(super) fn usable_share(frame: &DownsampledFrame) -> f64 {
+    let pixels = frame.rgb.chunks_exact(3).zip(&*frame.depth_metres);
+    let is_usable = |(rgb, depth): &(&[u8], &f32)| {
+        **depth > 0.0 && rgb.iter().any(|value| USABLE_COLOR.contains(value))
+    };
+    pixels.filter(is_usable).count() as f64 / frame.depth_metres.len().max(1) as f64
 }
 
 /// Whether a frame is black or hardly measured, so that it can be neither tracked nor mapped.
