@@ -60,6 +60,8 @@ pub struct TrackerConfig {
     pub max_disagreement: f64,
     /// or this times the usual share, whichever is more.
     pub max_factor: f64,
+    /// The same if another start ended at the same pose, and one of the two started from features.
+    pub confirmed_disagreement: f64,
     /// Number of similar keyframes that a lost frame is aligned with; 0: only with the last pose.
     pub relocalise_keyframes: usize,
     /// Relocalised if at least this share of the pixels in view lies on the surface,
@@ -140,6 +142,7 @@ impl TrackerConfig {
         at_least("tracker.convincing_factor", self.convincing_factor, 0.0)?;
         within("tracker.max_disagreement", self.max_disagreement, 0.0..=1.0)?;
         at_least("tracker.max_factor", self.max_factor, 0.0)?;
+        within("tracker.confirmed_disagreement", self.confirmed_disagreement, 0.0..=1.0)?;
         within("tracker.relocalise_surface", self.relocalise_surface, 0.0..=1.0)?;
         within("tracker.relocalise_intensity", self.relocalise_intensity, 0.0..=1.0)?;
         within("tracker.refine_metres", self.refine_metres, 0.0..=MAX_STEP)?;
@@ -187,9 +190,10 @@ impl Default for TrackerConfig {
             convincing_factor: 2.0,
             max_disagreement: 0.05,
             max_factor: 4.0,
+            confirmed_disagreement: 0.4,
             relocalise_keyframes: 4,
-            relocalise_surface: 0.5,
-            relocalise_intensity: 0.7,
+            relocalise_surface: 0.35,
+            relocalise_intensity: 0.6,
             refine_keyframes: 0,
             refine_metres: 5e-4,
             refine_radians: 1.5e-3,
@@ -262,6 +266,11 @@ mod tests {
             |c| c.convincing_factor = 0.0,
         ),
         ("tracker.max_disagreement", |c| c.max_disagreement = -0.1, |c| c.max_disagreement = 1.0),
+        (
+            "tracker.confirmed_disagreement",
+            |c| c.confirmed_disagreement = 1.1,
+            |c| c.confirmed_disagreement = 0.0,
+        ),
         ("tracker.max_factor", |c| c.max_factor = f64::NAN, |c| c.max_factor = 0.0),
         (
             "tracker.relocalise_surface",

@@ -232,7 +232,7 @@ impl Tracker {
         let predicted = predicted.filter(|_| !is_lost).map(|pose| self.start(pose, false));
         for start in hint.iter().chain(&predicted) {
             let keyframes = self.references(scene, image, start);
-            search.add("keyframes", origin, aligner.align_with_map(scene, start, &keyframes)?);
+            search.add(origin, aligner.align_with_map(scene, start, &keyframes)?);
             if search.is_done() {
                 return Ok(());
             }
@@ -263,11 +263,7 @@ impl Tracker {
             if !references.iter().any(|kf| kf.frame.sequence == keyframe.frame.sequence) {
                 references.push(keyframe);
             }
-            search.add(
-                "features",
-                Origin::Jump,
-                aligner.align_with_map(scene, &start, &references)?,
-            );
+            search.add(Origin::Features, aligner.align_with_map(scene, &start, &references)?);
             if search.is_done() {
                 return Ok(());
             }
@@ -289,13 +285,9 @@ impl Tracker {
         let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
         if let Some(start) = predicted.filter(|_| !is_lost).map(|pose| self.start(pose, false)) {
             if let Some(found) = aligner.align_with_last(&start)? {
-                search.add("last frame", Origin::Prediction, found);
+                search.add(Origin::Prediction, found);
             }
-            search.add(
-                "rendered map",
-                Origin::Prediction,
-                aligner.align_with_map(scene, &start, &[])?,
-            );
+            search.add(Origin::Prediction, aligner.align_with_map(scene, &start, &[])?);
         }
         let still = self.motion.last();
         let far = self
@@ -315,7 +307,7 @@ impl Tracker {
             if search.has_found() {
                 return Ok(());
             }
-            search.add("far", Origin::Jump, aligner.align_with_map(scene, &start, &references)?);
+            search.add(Origin::Far, aligner.align_with_map(scene, &start, &references)?);
         }
         Ok(())
     }

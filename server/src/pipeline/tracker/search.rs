@@ -1,13 +1,17 @@
 //! The search for the pose of one frame: the best result so far, and whether it ends the search.
+//!
+//! In: results of alignments from several starts. Out: the best believable one. Two results at one pose
+//! confirm each other if at least one of them started from features, because matches to two keyframes, or
+//! matches and a prediction, do not err together.
 
 use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
 use super::judge::Judge;
 
 /// Two poses nearer than this are the same, metres,
-const SAME_METRES: f64 = 0.005;
+const SAME_METRES: f64 = 0.01;
 /// and radians.
-const SAME_RADIANS: f64 = 0.005;
+const SAME_RADIANS: f64 = 0.01;
 
 /// Where an alignment started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,8 +20,10 @@ pub(super) enum Origin {
     Prediction,
     /// From the robot's own estimate while the camera is lost.
     Guess,
-    /// From anywhere.
-    Jump,
+    /// From features shared with a keyframe.
+    Features,
+    /// From a pose far along the motion, or that of a keyframe that looks alike.
+    Far,
 }
 
 /// Collects the results of alignments from several starts.
@@ -25,35 +31,41 @@ pub(super) struct Search<'a> {
     config: &'a TrackerConfig,
     judge: &'a Judge,
     sequence: u64,
+    /// Results that pass the thresholds and may be confirmed.
+    results: Vec<(Origin, PoseCandidate)>,
     best: Option<PoseCandidate>,
     is_done: bool,
 }
 
 impl<'a> Search<'a> {
     pub fn new(config: &'a TrackerConfig, judge: &'a Judge, sequence: u64) -> Self {
-        Self { config, judge, sequence, best: None, is_done: false }
+        Self { config, judge, sequence, results: Vec::new(), best: None, is_done: false }
     }
 
-    /// Adds the result of an alignment. `what` names it in the log.
-    pub fn add(&mut self, what: &'static str, origin: Origin, found: PoseCandidate) {
+    /// Adds the result of an alignment.
+    pub fn add(&mut self, origin: Origin, found: PoseCandidate) {
         let (config, quality) = (self.config, &found.quality);
-        tracing::debug!(self.sequence, what, ?quality, exposure = ?found.exposure);
+        tracing::debug!(self.sequence, ?origin, ?quality, exposure = ?found.exposure);
         let is_accepted = match origin {
             Origin::Prediction => quality.is_tracked(config),
-            Origin::Guess | Origin::Jump => quality.is_relocalised(config),
+            Origin::Guess | Origin::Features | Origin::Far => quality.is_relocalised(config),
         };
-        if !is_accepted || !self.judge.is_believable(quality, config) {
+        if !is_accepted {
             return;
         }
-        // Two starts that end at the same pose confirm each other.
-        let is_confirmed = self.best.as_ref().is_some_and(|best| {
-            let off = best.world_from_camera.inverse() * found.world_from_camera;
-            off.translation.vector.norm() < SAME_METRES && off.rotation.angle() < SAME_RADIANS
-        });
+        let is_confirmed = 1.0 - quality.agreement <= config.confirmed_disagreement
+            && self.results.iter().any(|(other, result)| {
+                [*other, origin].contains(&Origin::Features) && is_same(result, &found)
+            });
+        self.results.push((origin, found));
+        if !is_confirmed && !self.judge.is_believable(quality, config) {
+            return;
+        }
         self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
-        let is_better = |best: &PoseCandidate| found.quality.agreement > best.quality.agreement;
+        let is_better = |best: &PoseCandidate| quality.agreement > best.quality.agreement;
         if self.best.as_ref().is_none_or(is_better) {
-            self.best = Some(PoseCandidate { jumped: origin == Origin::Jump, ..found });
+            let jumped = matches!(origin, Origin::Features | Origin::Far);
+            self.best = Some(PoseCandidate { jumped, ..found });
         }
     }
 
@@ -70,5 +82,66 @@ impl<'a> Search<'a> {
     /// The believable result that agrees best with the map.
     pub fn best(self) -> Option<PoseCandidate> {
         self.best
+    }
+}
+
+fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
+    let off = a.world_from_camera.inverse() * b.world_from_camera;
+    off.translation.vector.norm() < SAME_METRES && off.rotation.angle() < SAME_RADIANS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::tracker::quality::AlignmentQuality;
+    use nalgebra::Isometry3;
+
+    fn result(agreement: f64, x: f64) -> PoseCandidate {
+        let quality = AlignmentQuality {
+            overlap: 1.0,
+            surface: 1.0,
+            intensity: 1.0,
+            agreement,
+            conditioning: 1.0,
+        };
+        let world_from_camera = Isometry3::translation(x, 0.0, 0.0);
+        PoseCandidate { quality, ..PoseCandidate::given(world_from_camera) }
+    }
+
+    /// The x of the pose that is found, and whether the search is done.
+    fn found(results: &[(Origin, f64, f64)]) -> (Option<f64>, bool) {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let mut search = Search::new(&config, &judge, 0);
+        for (origin, agreement, x) in results {
+            search.add(*origin, result(*agreement, *x));
+        }
+        let is_done = search.is_done();
+        (search.best().map(|best| best.world_from_camera.translation.x), is_done)
+    }
+
+    #[test]
+    fn a_doubtful_pose_is_believed_if_features_confirm_it() {
+        use Origin::{Far, Features, Prediction};
+        assert_eq!(found(&[(Prediction, 0.99, 1.0)]), (Some(1.0), true));
+        assert_eq!(found(&[(Prediction, 0.7, 1.0)]), (None, false), "alone it is not");
+        assert_eq!(found(&[(Prediction, 0.7, 1.0), (Features, 0.7, 1.001)]), (Some(1.001), true));
+        assert_eq!(found(&[(Features, 0.7, 1.0), (Features, 0.7, 1.001)]), (Some(1.001), true));
+        assert_eq!(
+            found(&[(Prediction, 0.7, 1.0), (Features, 0.7, 1.1)]),
+            (None, false),
+            "elsewhere"
+        );
+        assert_eq!(
+            found(&[(Prediction, 0.7, 1.0), (Far, 0.7, 1.0)]),
+            (None, false),
+            "both may slide"
+        );
+        assert_eq!(
+            found(&[(Features, 0.5, 1.0), (Features, 0.5, 1.0)]),
+            (None, false),
+            "too little"
+        );
+        let two = [(Prediction, 0.87, 1.0), (Features, 0.9, 2.0)];
+        assert_eq!(found(&two), (Some(2.0), false), "the better of two");
     }
 }
