@@ -143,7 +143,7 @@ impl Map {
 
     /// Sends a frame to the map's thread; waits while the queue is full. The receiver resolves when the frame
     /// was mapped; it is closed if the thread stopped first. A frame whose time is not later than the newest
-    /// frame's gets another time ([`FrameTimes`]).
+    /// frame's gets another time (`frame_times.rs`).
     ///
     /// # Errors
     /// [`MapError::Failed`] if the thread has stopped.
