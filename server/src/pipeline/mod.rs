@@ -7,6 +7,7 @@
 mod backdrop;
 mod bilinear;
 pub mod compressor;
+mod depth_gaps;
 mod downsampled_frame;
 pub mod encoder;
 pub mod engine;

@@ -1,5 +1,6 @@
 //! One keyframe: a frame that the map is optimised against and that later frames are aligned with.
 
+use super::super::depth_gaps;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::exposure;
 use super::super::features::Features;
@@ -22,7 +23,7 @@ pub(in super::super) struct Keyframe {
     pub intrinsics: Intrinsics,
     /// `[height * width * 3]`, row-major RGB as received.
     pub rgb: Arc<[u8]>,
-    /// Color and depth at the training resolution (`mapper.train_width`).
+    /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed.
     pub training: DownsampledFrame,
     /// The training image on the device.
     pub target: ColorTarget,
@@ -66,13 +67,13 @@ impl Keyframe {
         widths: KeyframeWidths,
     ) -> Result<Self, GpuError> {
         let pose = &tracked.world_from_camera;
-        let training = DownsampledFrame::new(frame, pose, widths.training);
+        let measured = DownsampledFrame::new(frame, pose, widths.training);
+        let training = depth_gaps::closed(&measured).into_owned();
         let Camera { width, height, .. } = training.camera;
         let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
-        let is_same_size =
-            DownsampledFrame::columns(frame, widths.tracking) == training.camera.width;
+        let is_same_size = DownsampledFrame::columns(frame, widths.tracking) == width;
         let tracking = if is_same_size {
-            training.clone()
+            measured
         } else {
             DownsampledFrame::new(frame, pose, widths.tracking)
         };
