@@ -13,6 +13,7 @@
 //! keyframe one percent too low (regression dilution), and the error adds up along a walk.
 
 use super::super::exposure;
+use lexsplat_gpu::align::EXPOSURE_LIMIT;
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
 
@@ -86,8 +87,13 @@ pub(super) fn reversed(
     let here = linear.estimate(&Estimate { reference_from_live: base_from_live, exposure });
     Estimate {
         reference_from_live: here.reference_from_live.inverse(),
-        exposure: exposure::inverse(here.exposure),
+        exposure: within_limit(exposure::inverse(here.exposure)),
     }
+}
+
+/// The gain of a frame relative to a reference may be the product of two large ones.
+fn within_limit([a, b]: [f64; 2]) -> [f64; 2] {
+    [a.clamp(-EXPOSURE_LIMIT, EXPOSURE_LIMIT), b]
 }
 
 /// Change of variables from the common unknowns to those of one reference.
@@ -110,7 +116,7 @@ impl LinearMap {
         let ([a, b], [c, d]) = (estimate.exposure, self.exposure);
         Estimate {
             reference_from_live: self.reference_from_base * estimate.reference_from_live,
-            exposure: [a - c, (b - d) * (-c).exp()],
+            exposure: within_limit([a - c, (b - d) * (-c).exp()]),
         }
     }
 
@@ -147,6 +153,20 @@ mod tests {
     use super::*;
     use lexsplat_gpu::align::se3;
     use nalgebra::Vector6;
+
+    #[test]
+    fn a_large_gain_between_two_images_stays_within_what_the_device_takes() {
+        let relative = |a: f64, c: f64| {
+            let exposure = [c, 0.0];
+            let jacobian = SMatrix::identity();
+            let linear =
+                LinearMap { reference_from_base: Isometry3::identity(), exposure, jacobian };
+            linear.estimate(&Estimate { exposure: [a, 0.0], ..Estimate::default() }).exposure[0]
+        };
+        assert_eq!(relative(2.0, -2.0), EXPOSURE_LIMIT, "a frame 50 times as dark");
+        assert_eq!(relative(-2.0, 2.0), -EXPOSURE_LIMIT);
+        assert_eq!(relative(1.0, -0.5), 1.5, "an ordinary gain is kept");
+    }
 
     #[test]
     fn the_adjoint_carries_a_perturbation_to_the_other_side() {
