@@ -1,3 +1,5 @@
+//! Features of a painted wall from two places, in two exposures.
+
 use super::*;
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
