@@ -56,6 +56,7 @@ pub(in super::super) fn insert(
     let agreement = Agreement::new(&image, &rendered, backdrop_metres, config.insert_depth_error);
     image = agreement.in_map_colors(image);
     let disagreement = agreement.disagreement(&image);
+    tracing::debug!(sequence = keyframe.frame.sequence, disagreement, "inserting");
     let is_rough = disagreement > config.insert_disagreement;
     let visits = if is_rough { ROUGH_VISITS } else { 1 };
     let history = InsertionHistory {
