@@ -42,6 +42,7 @@ fn difference(found: &NormalSystem, wanted: &NormalSystem) -> (f64, u32) {
             inliers[1],
             c.visible,
             c.agreeing,
+            c.meeting,
         ]
     };
     let pairs = counts(found).into_iter().zip(counts(wanted));

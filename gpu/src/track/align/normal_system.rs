@@ -30,6 +30,8 @@ pub struct Counts {
     pub visible: u32,
     /// Of those the ones that agree with the reference in depth and in intensity.
     pub agreeing: u32,
+    /// Of those the ones that agree in depth, whatever their intensity.
+    pub meeting: u32,
 }
 
 /// Sum over pixels of both terms; see [`crate::track::align`].
@@ -68,7 +70,7 @@ pub struct PoseStep {
 
 impl NormalSystem {
     /// From the sums as the device writes them: 36 of the upper triangle row by row, 8 of the
-    /// gradient, 2 costs, 8 counts, 2 unused.
+    /// gradient, 2 costs, 9 counts, 1 unused.
     pub(super) fn from_sums(sums: &[f32]) -> Self {
         let mut numbers = sums.iter().map(|v| f64::from(*v));
         let mut next = || numbers.next().expect("a system has 56 sums");
@@ -91,6 +93,7 @@ impl NormalSystem {
             geometric_inliers: count(),
             visible: count(),
             agreeing: count(),
+            meeting: count(),
         };
         Self { h, g, photometric_cost, geometric_cost, counts }
     }

@@ -147,8 +147,9 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
         geometric.inlier);
     // A point far behind the reference's surface is hidden there, which says nothing.
     let visible = has_plane && off >= -gate && dot(own, own) > 0.0;
-    let agrees = visible && off <= gate && (abs(change) <= arguments.thresholds.z || !bright);
-    (*sums)[13] += vec4<f32>(select(0.0, 1.0, visible), select(0.0, 1.0, agrees), 0.0, 0.0);
+    let meets = visible && off <= gate;
+    let agrees = meets && (abs(change) <= arguments.thresholds.z || !bright);
+    (*sums)[13] += vec4<f32>(select(0.0, 1.0, visible), select(0.0, 1.0, agrees), select(0.0, 1.0, meets), 0.0);
 }
 
 /// Element i looks at one pixel of the run [i stride, (i + 1) stride), scattered but fixed.

@@ -24,7 +24,9 @@ pub struct PixelResiduals {
     pub inside: bool,
     /// It is on a surface that the reference shows too.
     pub visible: bool,
-    /// And agrees with the reference in depth and intensity.
+    /// And agrees with the reference in depth.
+    pub meets: bool,
+    /// And in intensity too.
     pub agrees: bool,
     /// Photometric residual, if it was accepted.
     pub photometric: Option<Residual>,
@@ -89,7 +91,8 @@ pub fn pixel(
     seen.visible = there > 0.0 && n != Vector3::zeros() && own != Vector3::zeros() && off >= -gate;
     let change = mixed(0) - estimate.exposure[0].exp() * intensity - estimate.exposure[1];
     let same_color = !bright || change.abs() <= settings.photometric_agreement;
-    seen.agrees = seen.visible && off <= gate && same_color;
+    seen.meets = seen.visible && off <= gate;
+    seen.agrees = seen.meets && same_color;
     if bright && same {
         let scaled = [focal[0] * mixed(2) / q.z, focal[1] * mixed(3) / q.z];
         let slope = Vector3::new(scaled[0], scaled[1], -(scaled[0] * q.x + scaled[1] * q.y) / q.z);
@@ -115,6 +118,7 @@ pub fn system(
         sum.counts.inside += u32::from(seen.inside);
         sum.counts.visible += u32::from(seen.visible);
         sum.counts.agreeing += u32::from(seen.agrees);
+        sum.counts.meeting += u32::from(seen.meets);
         if let Some(residual) = seen.photometric {
             let limits = (settings.photometric_weight, settings.photometric_threshold);
             sum.photometric_cost += add(&mut sum, &residual, limits, Robust::Huber);

@@ -60,13 +60,7 @@ impl InitialPose {
 impl PoseCandidate {
     /// A given pose: it is not in doubt.
     pub fn given(world_from_camera: Isometry3<f64>) -> Self {
-        let quality = AlignmentQuality {
-            overlap: 1.0,
-            surface: 1.0,
-            intensity: 1.0,
-            agreement: 1.0,
-            conditioning: 1.0,
-        };
+        let quality = AlignmentQuality::PERFECT;
         Self { world_from_camera, exposure: [0.0; 2], quality, jumped: false }
     }
 }

@@ -55,8 +55,7 @@ mod tests {
     use super::*;
 
     fn quality(agreement: f64) -> AlignmentQuality {
-        let (overlap, surface, intensity, conditioning) = (1.0, 1.0, 1.0, 1.0);
-        AlignmentQuality { overlap, surface, intensity, agreement, conditioning }
+        AlignmentQuality { agreement, ..AlignmentQuality::PERFECT }
     }
 
     #[test]

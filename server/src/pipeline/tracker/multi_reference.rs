@@ -134,6 +134,7 @@ impl LinearMap {
         all.geometric_inliers += one.geometric_inliers;
         all.visible += one.visible;
         all.agreeing += one.agreeing;
+        all.meeting += one.meeting;
     }
 }
 

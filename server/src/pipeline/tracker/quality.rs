@@ -28,11 +28,23 @@ pub(super) struct AlignmentQuality {
     /// direction in which it is smaller. A pixel that lies in front of the other image's surface
     /// contradicts it; one that lies behind is hidden and does not count.
     pub agreement: f64,
+    /// The same share with agreement in depth alone.
+    pub depth_agreement: f64,
     /// Smallest over largest eigenvalue of the normal system.
     pub conditioning: f64,
 }
 
 impl AlignmentQuality {
+    /// That of a pose that is not in doubt.
+    pub const PERFECT: Self = Self {
+        overlap: 1.0,
+        surface: 1.0,
+        intensity: 1.0,
+        agreement: 1.0,
+        depth_agreement: 1.0,
+        conditioning: 1.0,
+    };
+
     /// Quality from the system with respect to the best reference, and from the same two images with
     /// their roles exchanged.
     pub fn of(system: Option<&NormalSystem>, exchanged: &NormalSystem, conditioning: f64) -> Self {
@@ -44,16 +56,22 @@ impl AlignmentQuality {
             intensity: share(counts.photometric_inliers, counts.photometric),
             agreement: share(counts.agreeing, counts.visible)
                 .min(share(other.agreeing, other.visible)),
+            depth_agreement: share(counts.meeting, counts.visible)
+                .min(share(other.meeting, other.visible)),
             conditioning,
         }
     }
 
-    /// Good enough for a frame that was predicted.
-    pub fn is_tracked(&self, config: &TrackerConfig) -> bool {
+    /// Whether the geometry fits.
+    pub fn is_aligned(&self, config: &TrackerConfig) -> bool {
         self.overlap >= config.min_overlap
             && self.surface >= config.min_surface
-            && self.intensity >= config.min_intensity
             && self.conditioning >= config.min_conditioning
+    }
+
+    /// Good enough for a frame that was predicted.
+    pub fn is_tracked(&self, config: &TrackerConfig) -> bool {
+        self.is_aligned(config) && self.intensity >= config.min_intensity
     }
 
     /// Good enough for a pose that started from a guess.

@@ -31,7 +31,7 @@ pub(super) struct Search<'a> {
     config: &'a TrackerConfig,
     judge: &'a Judge,
     sequence: u64,
-    /// Results that pass the thresholds and may be confirmed.
+    /// Results that another one may confirm.
     results: Vec<(Origin, PoseCandidate)>,
     best: Option<PoseCandidate>,
     is_done: bool,
@@ -50,15 +50,19 @@ impl<'a> Search<'a> {
             Origin::Prediction => quality.is_tracked(config),
             Origin::Guess | Origin::Features | Origin::Far => quality.is_relocalised(config),
         };
-        if !is_accepted {
-            return;
-        }
-        let is_confirmed = 1.0 - quality.agreement <= config.confirmed_disagreement
+        // Colors may differ for other reasons, such as reflections and automatic tone curves.
+        let is_likely = quality.is_aligned(config)
+            && (1.0 - quality.agreement <= config.confirmed_disagreement
+                || 1.0 - quality.depth_agreement <= config.max_disagreement);
+        let is_confirmed = is_likely
             && self.results.iter().any(|(other, result)| {
                 [*other, origin].contains(&Origin::Features) && is_same(result, &found)
             });
-        self.results.push((origin, found));
-        if !is_confirmed && !self.judge.is_believable(quality, config) {
+        if is_likely {
+            self.results.push((origin, found));
+        }
+        let is_believed = is_accepted && self.judge.is_believable(quality, config);
+        if !is_confirmed && !is_believed {
             return;
         }
         self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
@@ -97,13 +101,8 @@ mod tests {
     use nalgebra::Isometry3;
 
     fn result(agreement: f64, x: f64) -> PoseCandidate {
-        let quality = AlignmentQuality {
-            overlap: 1.0,
-            surface: 1.0,
-            intensity: 1.0,
-            agreement,
-            conditioning: 1.0,
-        };
+        let depth_agreement = agreement;
+        let quality = AlignmentQuality { agreement, depth_agreement, ..AlignmentQuality::PERFECT };
         let world_from_camera = Isometry3::translation(x, 0.0, 0.0);
         PoseCandidate { quality, ..PoseCandidate::given(world_from_camera) }
     }
@@ -143,5 +142,26 @@ mod tests {
         );
         let two = [(Prediction, 0.87, 1.0), (Features, 0.9, 2.0)];
         assert_eq!(found(&two), (Some(2.0), false), "the better of two");
+    }
+
+    #[test]
+    fn other_colors_do_not_matter_where_features_and_depth_agree() {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let found = |depth_agreement: f64| {
+            let quality = AlignmentQuality {
+                agreement: 0.4,
+                intensity: 0.4,
+                depth_agreement,
+                ..AlignmentQuality::PERFECT
+            };
+            let result = PoseCandidate { quality, ..PoseCandidate::given(Isometry3::identity()) };
+            let mut search = Search::new(&config, &judge, 0);
+            search.add(Origin::Features, result);
+            assert!(!search.has_found(), "alone it is not believed");
+            search.add(Origin::Features, result);
+            search.has_found()
+        };
+        assert!(found(0.99));
+        assert!(!found(0.7), "the surfaces differ too");
     }
 }
