@@ -29,7 +29,7 @@ pub struct Color {
     pub bytes: Vec<u8>,
 }
 
-/// A depth image as it is stored; 0 is no measurement.
+/// A depth image as it is stored; 0 and 65535 are no measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Depth {
     /// Encoding of the bytes.

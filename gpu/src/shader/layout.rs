@@ -127,7 +127,7 @@ constants! {
     /// A rendered pixel must be more opaque than this to have an intensity and a depth.
     MIN_OPACITY: f32 = 0.5;
     /// Rows of a normal system: 36 of the matrix, 8 of the gradient, 8 sums.
-    SYSTEM_ROWS: u32 = 13;
+    SYSTEM_ROWS: u32 = 14;
     /// Pixels that one thread adds to a normal system.
     SYSTEM_RUN: u32 = 64;
 }

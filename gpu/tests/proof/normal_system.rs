@@ -32,7 +32,18 @@ fn difference(found: &NormalSystem, wanted: &NormalSystem) -> (f64, u32) {
     }
     let counts = |system: &NormalSystem| {
         let c = system.counts;
-        [c.live, c.inside, c.photometric, c.geometric, c.photometric_inliers, c.geometric_inliers]
+        let inliers = [c.photometric_inliers, c.geometric_inliers];
+        [
+            c.live,
+            c.inside,
+            c.photometric,
+            c.geometric,
+            inliers[0],
+            inliers[1],
+            c.visible,
+            c.agreeing,
+            c.meeting,
+        ]
     };
     let pairs = counts(found).into_iter().zip(counts(wanted));
     (worst, pairs.map(|(found, wanted)| found.abs_diff(wanted)).max().unwrap_or(0))

@@ -1,7 +1,7 @@
 //! Depth images: 16-bit PNG, raw 16 bit, zstd of it, or metres -> `[height * width]` metres.
 //!
-//! Depths out of range become 0, "no measurement". If nearly all depths are out of range, the unit
-//! must be wrong, and the frame is refused.
+//! Depths out of range become 0, "no measurement", and so does 65535 in the 16-bit formats. If nearly
+//! all depths are out of range, the unit must be wrong, and the frame is refused.
 
 use super::images::{self, u16s, unzstd};
 use super::limits::Limits;
@@ -12,6 +12,8 @@ use image::DynamicImage;
 use lexsplat_proto::v1;
 
 const FIELD: &str = "depth";
+/// What cameras and files write where 16 bits do not hold the depth, or where there is none.
+const SATURATED: u16 = u16::MAX;
 /// Share of the measurements that must be in range; below it the unit is assumed to be wrong.
 const LEAST_SHARE_IN_RANGE: f64 = 0.01;
 
@@ -69,8 +71,12 @@ fn f32s(data: &[u8], pixels: usize) -> Result<Vec<f32>, Refusal> {
         .collect())
 }
 
+/// Metres; 0 where nothing was measured, or more than 16 bits hold.
 fn scaled(units: Vec<u16>, unit_metres: f64) -> Vec<f32> {
-    units.into_iter().map(|units| (f64::from(units) * unit_metres) as f32).collect()
+    let metres = |units| {
+        if units == SATURATED { 0.0 } else { (f64::from(units) * unit_metres) as f32 }
+    };
+    units.into_iter().map(metres).collect()
 }
 
 /// Sets depths out of range to 0; refuses the frame if nearly all are out of range.

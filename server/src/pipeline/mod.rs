@@ -7,10 +7,12 @@
 mod backdrop;
 mod bilinear;
 pub mod compressor;
+mod depth_gaps;
 mod downsampled_frame;
 pub mod encoder;
 pub mod engine;
 mod exposure;
+mod features;
 pub mod frame;
 mod keyframes;
 mod live_map;

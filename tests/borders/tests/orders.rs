@@ -53,7 +53,7 @@ pub const CRATES: &[Declared] = &[
             &["pipeline/bilinear", "pipeline/exposure", "pipeline/pose_adam", "pipeline/range"],
             &["pipeline/frame"],
             &["pipeline/downsampled_frame"],
-            &["pipeline/backdrop"],
+            &["pipeline/backdrop", "pipeline/depth_gaps", "pipeline/features"],
             &["pipeline/network"],
             &["pipeline/compressor"],
             &["pipeline/srd"],

@@ -23,7 +23,7 @@
 //!
 //! Perturbation T <- Exp(tau) T, tau = [rho, theta] (metres, radians). A term adds
 //! `weight rho'(r)/r J J^T` to H, `weight rho'(r) J` to g and `weight rho(r)` to its cost. A
-//! thread sums [`SYSTEM_RUN`] pixels, the sums are summed in a fixed order, 52 numbers come back.
+//! thread sums [`SYSTEM_RUN`] pixels, the sums are summed in a fixed order, 56 numbers come back.
 
 use nalgebra::Isometry3;
 

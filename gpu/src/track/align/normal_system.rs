@@ -25,6 +25,13 @@ pub struct Counts {
     pub photometric_inliers: u32,
     /// With a geometric residual within the threshold.
     pub geometric_inliers: u32,
+    /// On a surface that the reference shows too: not behind the reference's surface, and both pixels
+    /// have a normal.
+    pub visible: u32,
+    /// Of those the ones that agree with the reference in depth and in intensity.
+    pub agreeing: u32,
+    /// Of those the ones that agree in depth, whatever their intensity.
+    pub meeting: u32,
 }
 
 /// Sum over pixels of both terms; see [`crate::track::align`].
@@ -63,10 +70,10 @@ pub struct PoseStep {
 
 impl NormalSystem {
     /// From the sums as the device writes them: 36 of the upper triangle row by row, 8 of the
-    /// gradient, 2 costs, 6 counts.
+    /// gradient, 2 costs, 9 counts, 1 unused.
     pub(super) fn from_sums(sums: &[f32]) -> Self {
         let mut numbers = sums.iter().map(|v| f64::from(*v));
-        let mut next = || numbers.next().expect("a system has 52 sums");
+        let mut next = || numbers.next().expect("a system has 56 sums");
         let mut h = SMatrix::zeros();
         for row in 0..8 {
             for column in row..8 {
@@ -84,6 +91,9 @@ impl NormalSystem {
             geometric: count(),
             photometric_inliers: count(),
             geometric_inliers: count(),
+            visible: count(),
+            agreeing: count(),
+            meeting: count(),
         };
         Self { h, g, photometric_cost, geometric_cost, counts }
     }

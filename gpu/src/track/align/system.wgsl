@@ -119,8 +119,9 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let turned = vec3<f32>(dot(arguments.pose_x.xyz, own), dot(arguments.pose_y.xyz, own),
         dot(arguments.pose_z.xyz, own));
     let noise = arguments.gates.z * q.z * q.z;
-    let same = inside && depth > 0.0 && normal.w > 0.0
-        && abs(off) <= arguments.gates.x + GATE_SIGMAS * noise
+    let gate = arguments.gates.x + GATE_SIGMAS * noise;
+    let has_plane = inside && depth > 0.0 && normal.w > 0.0;
+    let same = has_plane && abs(off) <= gate
         && dot(turned, normal.xyz) >= arguments.gates.y;
 
     let mixed = mix(mix(a.xzw, b.xzw, part.x), mix(c.xzw, d.xzw, part.x), part.y);
@@ -144,6 +145,11 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
         select(0.0, 1.0, inside));
     (*sums)[12] += vec4<f32>(photometric.used, geometric.used, photometric.inlier,
         geometric.inlier);
+    // A point far behind the reference's surface is hidden there, which says nothing.
+    let visible = has_plane && off >= -gate && dot(own, own) > 0.0;
+    let meets = visible && off <= gate;
+    let agrees = meets && (abs(change) <= arguments.thresholds.z || !bright);
+    (*sums)[13] += vec4<f32>(select(0.0, 1.0, visible), select(0.0, 1.0, agrees), select(0.0, 1.0, meets), 0.0);
 }
 
 /// Element i looks at one pixel of the run [i stride, (i + 1) stride), scattered but fixed.

@@ -22,6 +22,12 @@ pub struct PixelResiduals {
     pub live: bool,
     /// It is seen inside the reference image.
     pub inside: bool,
+    /// It is on a surface that the reference shows too.
+    pub visible: bool,
+    /// And agrees with the reference in depth.
+    pub meets: bool,
+    /// And in intensity too.
+    pub agrees: bool,
     /// Photometric residual, if it was accepted.
     pub photometric: Option<Residual>,
     /// Geometric residual, if it was accepted.
@@ -82,12 +88,16 @@ pub fn pixel(
         (1.0 - part[1]) * (a + part[0] * (b - a)) + part[1] * (c + part[0] * (d - c))
     };
     let bright = taps.iter().all(|tap| tap[0] >= 0.0) && intensity >= 0.0;
+    seen.visible = there > 0.0 && n != Vector3::zeros() && own != Vector3::zeros() && off >= -gate;
+    let change = mixed(0) - estimate.exposure[0].exp() * intensity - estimate.exposure[1];
+    let same_color = !bright || change.abs() <= settings.photometric_agreement;
+    seen.meets = seen.visible && off <= gate;
+    seen.agrees = seen.meets && same_color;
     if bright && same {
         let scaled = [focal[0] * mixed(2) / q.z, focal[1] * mixed(3) / q.z];
         let slope = Vector3::new(scaled[0], scaled[1], -(scaled[0] * q.x + scaled[1] * q.y) / q.z);
         let gain = estimate.exposure[0].exp() * intensity;
-        let value = mixed(0) - gain - estimate.exposure[1];
-        seen.photometric = Some(residual(value, &q, &slope, [-gain, -1.0]));
+        seen.photometric = Some(residual(change, &q, &slope, [-gain, -1.0]));
     }
     if same {
         seen.geometric = Some(residual(off, &q, &n, [0.0; 2]));
@@ -106,6 +116,9 @@ pub fn system(
         let seen = pixel(levels, estimate, settings, index);
         sum.counts.live += u32::from(seen.live);
         sum.counts.inside += u32::from(seen.inside);
+        sum.counts.visible += u32::from(seen.visible);
+        sum.counts.agreeing += u32::from(seen.agrees);
+        sum.counts.meeting += u32::from(seen.meets);
         if let Some(residual) = seen.photometric {
             let limits = (settings.photometric_weight, settings.photometric_threshold);
             sum.photometric_cost += add(&mut sum, &residual, limits, Robust::Huber);

@@ -323,6 +323,27 @@ fn bad_single_depths_are_no_measurement() {
 }
 
 #[test]
+fn a_saturated_depth_is_no_measurement_in_each_16_bit_format() {
+    let mut units = vec![2000_u16; PIXELS];
+    units[..3].copy_from_slice(&[u16::MAX, u16::MAX - 1, 0]);
+    let native: Vec<u8> = units.iter().flat_map(|units| units.to_ne_bytes()).collect();
+    let open = v1::OpenMap { depth_unit_metres: 1e-4, ..open_message() };
+    let opening = opening(&open, &LIMITS).unwrap();
+    for (format, data) in [
+        (DepthFormat::Png16, png(&native, WIDTH, HEIGHT, ExtendedColorType::L16)),
+        (DepthFormat::U16, u16_bytes(&units)),
+        (DepthFormat::U16Zstd, zstd::encode_all(&u16_bytes(&units)[..], 1).unwrap()),
+    ] {
+        let found = frame(&with_depth(format, data), &opening, None, &LIMITS).unwrap();
+        // Negative control: one unit less is a depth like any other.
+        let expected = [0.0, 6.5534, 0.0, 0.2];
+        for (found, expected) in found.depth_metres.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{format:?}: {found}, not {expected}");
+        }
+    }
+}
+
+#[test]
 fn a_zstd_bomb_is_refused() {
     let bomb = zstd::encode_all(&vec![0_u8; 64 << 20][..], 19).unwrap();
     assert!(bomb.len() < PIXELS * 16, "it is small on the wire");

@@ -1,7 +1,9 @@
 //! One keyframe: a frame that the map is optimised against and that later frames are aligned with.
 
+use super::super::depth_gaps;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::exposure;
+use super::super::features::Features;
 use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose};
 use super::super::pose_adam::PoseAdam;
 use super::language::KeyframeLanguage;
@@ -21,7 +23,7 @@ pub(in super::super) struct Keyframe {
     pub intrinsics: Intrinsics,
     /// `[height * width * 3]`, row-major RGB as received.
     pub rgb: Arc<[u8]>,
-    /// Color and depth at the training resolution (`mapper.train_width`).
+    /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed.
     pub training: DownsampledFrame,
     /// The training image on the device.
     pub target: ColorTarget,
@@ -30,6 +32,8 @@ pub(in super::super) struct Keyframe {
     /// Exposure (a, b): the map's intensity is exp(a) times the keyframe's plus b. The inverse of
     /// `frame.exposure`, in double precision.
     pub map_exposure: [f64; 2],
+    /// Corners for relocalisation.
+    pub features: Features,
     /// Grey thumbnail for relocalisation.
     pub thumbnail: Thumbnail,
     /// Whether the tracker estimated the pose, so that the map may refine it.
@@ -63,13 +67,13 @@ impl Keyframe {
         widths: KeyframeWidths,
     ) -> Result<Self, GpuError> {
         let pose = &tracked.world_from_camera;
-        let training = DownsampledFrame::new(frame, pose, widths.training);
+        let measured = DownsampledFrame::new(frame, pose, widths.training);
+        let training = depth_gaps::closed(&measured).into_owned();
         let Camera { width, height, .. } = training.camera;
         let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
-        let is_same_size =
-            DownsampledFrame::columns(frame, widths.tracking) == training.camera.width;
+        let is_same_size = DownsampledFrame::columns(frame, widths.tracking) == width;
         let tracking = if is_same_size {
-            training.clone()
+            measured
         } else {
             DownsampledFrame::new(frame, pose, widths.tracking)
         };
@@ -79,6 +83,7 @@ impl Keyframe {
             rgb: frame.rgb.clone(),
             target,
             map_exposure: tracked.exposure,
+            features: Features::detect(&tracking),
             thumbnail: Thumbnail::new(&tracking),
             is_estimated: tracked.is_estimated,
             pose_adam: PoseAdam::default(),
@@ -102,7 +107,7 @@ impl Keyframe {
         images.dedup();
         let host: usize = images.iter().map(|(_, bytes)| bytes).sum();
         let language = self.language.as_ref().map_or(0, KeyframeLanguage::bytes);
-        host as u64 + self.target.device_bytes() + language
+        (host + self.features.bytes()) as u64 + self.target.device_bytes() + language
     }
 
     /// Sets the pose everywhere it is kept.

@@ -16,9 +16,11 @@ pub(super) use language::KeyframeLanguage;
 pub(super) use surface_sample::SurfaceSample;
 pub(super) use thumbnail::Thumbnail;
 
+use super::features::Features;
 use super::frame::TrackedFrame;
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 /// All keyframes of a map, oldest first.
@@ -119,6 +121,17 @@ impl KeyframeStore {
         let overlaps =
             |keyframe: &&Keyframe| keyframe.overlap(camera, world_from_camera) >= min_overlap;
         std::iter::once(newest).chain(older.iter().filter(overlaps)).take(count).collect()
+    }
+
+    /// The `count` keyframes that share most features with an image, best first.
+    pub fn most_alike(&self, features: &Features, count: usize) -> Vec<&Keyframe> {
+        let mut scored: Vec<(usize, &Keyframe)> = self
+            .keyframes
+            .iter()
+            .map(|keyframe| (features.similarity(&keyframe.features), keyframe))
+            .collect();
+        scored.sort_by_key(|(similarity, _)| Reverse(*similarity));
+        scored.into_iter().take(count).map(|(_, keyframe)| keyframe).collect()
     }
 
     /// The `count` keyframes that look most like an image, best first. Alignment decides whether one of

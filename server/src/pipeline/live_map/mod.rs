@@ -11,7 +11,7 @@ pub(super) use trajectory::Trajectory;
 
 use super::compressor::OnlineStage;
 use super::keyframes::KeyframeStore;
-use lexsplat_gpu::Gaussians;
+use lexsplat_gpu::{Gaussians, Gpu};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -52,6 +52,16 @@ impl LiveMap {
             farthest_metres: 0.0,
             revision: 0,
         }
+    }
+
+    /// Drops everything but the online stage, which has only learned more, and the revision.
+    pub fn clear(&mut self, gpu: &Gpu, steps: StepBudget) {
+        self.gaussians = Gaussians::new(gpu, self.online.code_size());
+        self.keyframes = KeyframeStore::default();
+        self.trajectory = Trajectory::default();
+        self.steps = steps;
+        self.sorted_len = 0;
+        self.farthest_metres = 0.0;
     }
 
     /// Whether optimiser steps are due and there is something to optimise.

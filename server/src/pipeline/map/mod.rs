@@ -5,6 +5,7 @@
 
 mod error;
 mod event;
+mod frame_times;
 mod status;
 
 pub use error::MapError;
@@ -15,6 +16,7 @@ pub use status::MapStatus;
 use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
 use super::live_map::LiveMap;
 use super::snapshot::MapSnapshot;
+use frame_times::FrameTimes;
 use status::Counters;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -34,6 +36,9 @@ struct Shared {
     has_stream: bool,
     /// Streams that were opened so far.
     streams: u64,
+    times: FrameTimes,
+    /// The last stream whose times did not increase.
+    warned_of_times: u64,
     next_event: u64,
 }
 
@@ -72,6 +77,8 @@ impl Map {
                 received_through: None,
                 has_stream: false,
                 streams: 0,
+                times: FrameTimes::default(),
+                warned_of_times: 0,
                 next_event: 1,
             }),
         };
@@ -135,11 +142,15 @@ impl Map {
     }
 
     /// Sends a frame to the map's thread; waits while the queue is full. The receiver resolves when the frame
-    /// was mapped; it is closed if the thread stopped first.
+    /// was mapped; it is closed if the thread stopped first. A frame whose time is not later than the newest
+    /// frame's gets another time (`frame_times.rs`).
     ///
     /// # Errors
     /// [`MapError::Failed`] if the thread has stopped.
-    pub async fn submit(&self, frame: Frame) -> Result<oneshot::Receiver<FrameOutcome>, MapError> {
+    pub async fn submit(
+        &self,
+        mut frame: Frame,
+    ) -> Result<oneshot::Receiver<FrameOutcome>, MapError> {
         let permit = self
             .frame_slots
             .clone()
@@ -148,8 +159,8 @@ impl Map {
             .expect("the semaphore of a map is never closed");
         let (reply, outcome) = oneshot::channel();
         let (sequence, intrinsics) = (frame.sequence, frame.intrinsics);
+        let stream = self.give_time(&mut frame);
         let frame = Box::new(frame);
-        let stream = self.shared().streams;
         self.counters.unsettled.fetch_add(1, Ordering::AcqRel);
         if self.messages.send(Message::Frame { frame, stream, permit, reply }).await.is_err() {
             self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
@@ -161,6 +172,25 @@ impl Map {
         shared.received_through = Some(sequence);
         shared.intrinsics = Some(intrinsics);
         Ok(outcome)
+    }
+
+    /// Makes the frame's time later than the newest frame's. Returns the number of its stream, which is
+    /// warned once.
+    fn give_time(&self, frame: &mut Frame) -> u64 {
+        let mut shared = self.shared();
+        let given = frame.timestamp_nanos;
+        frame.timestamp_nanos = shared.times.next(given);
+        let (stream, used) = (shared.streams, frame.timestamp_nanos);
+        if used != given && std::mem::replace(&mut shared.warned_of_times, stream) != stream {
+            tracing::warn!(
+                map = self.name,
+                sequence = frame.sequence,
+                given,
+                used,
+                "timestamp_nanos is not later than the frame before: the map uses times of its own"
+            );
+        }
+        stream
     }
 
     /// Counts a frame that did not pass the checks.

@@ -15,7 +15,7 @@ use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
 use super::mapper::{Clock, MapperConfig, TiesConfig, insert, language, optimise, select};
 use super::snapshot::MapSnapshot;
-use super::tracker::{Scene, Tracker, TrackerConfig};
+use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     COMPRESSION_SECONDS, INSERTION_SECONDS, MAPPING_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS,
     timed,
@@ -63,7 +63,7 @@ pub(super) fn spawn(
     };
     let (map, messages) = Map::new(name, config.queue_frames, empty);
     let map = Arc::new(map);
-    let steps = StepBudget::new(config.steps_per_keyframe, config.language_every);
+    let steps = step_budget(config);
     let thread = MapThread {
         config: config.clone(),
         tracker_config: configs.tracker.clone(),
@@ -82,6 +82,10 @@ pub(super) fn spawn(
         .spawn(move || thread.run(messages))
         .map_err(|error| error.to_string())?;
     Ok((map, handle))
+}
+
+fn step_budget(config: &MapperConfig) -> StepBudget {
+    StepBudget::new(config.steps_per_keyframe, config.language_every)
 }
 
 /// The live map and everything that works on it.
@@ -196,7 +200,11 @@ impl MapThread {
         frame: Frame,
         reply: oneshot::Sender<FrameOutcome>,
     ) -> Result<(), GpuError> {
-        let tracked = self.track(&frame)?;
+        let tracked = match self.track(&frame)? {
+            Tracking::Found(tracked) => Some(tracked),
+            Tracking::Lost => None,
+            Tracking::BeginAnew(first) => self.begin_anew(*first, &frame)?,
+        };
         let mut outcome = FrameOutcome {
             sequence: frame.sequence,
             tracking: self.tracker.state(),
@@ -206,18 +214,7 @@ impl MapThread {
             revision: self.live.revision,
         };
         if let Some(tracked) = &tracked {
-            let pose = &tracked.world_from_camera;
-            outcome.keyframe =
-                select::is_keyframe(&self.live.keyframes, &frame, pose, &self.config);
-            if outcome.keyframe {
-                self.insert_keyframe(&frame, tracked)?;
-            }
-            self.live.trajectory.push(&frame, tracked, &self.live.keyframes);
-            self.publisher.poses_changed();
-            if outcome.keyframe {
-                self.language.push(frame);
-                self.language.send(&self.live.keyframes);
-            }
+            outcome.keyframe = self.map_tracked(frame, tracked)?;
             self.optimise_behind_frame()?;
         }
         self.map.finish_frame(&outcome);
@@ -226,7 +223,47 @@ impl MapThread {
         self.publish_if_due()
     }
 
-    fn track(&mut self, frame: &Frame) -> Result<Option<TrackedPose>, GpuError> {
+    /// Adds a tracked frame to the trajectory, and to the map if it is a keyframe. Returns whether it is.
+    fn map_tracked(&mut self, frame: Frame, tracked: &TrackedPose) -> Result<bool, GpuError> {
+        let pose = &tracked.world_from_camera;
+        let is_keyframe = select::is_keyframe(&self.live.keyframes, &frame, pose, &self.config);
+        if is_keyframe {
+            self.insert_keyframe(&frame, tracked)?;
+        }
+        self.live.trajectory.push(&frame, tracked, &self.live.keyframes);
+        self.publisher.poses_changed();
+        if is_keyframe {
+            self.language.push(frame);
+            self.language.send(&self.live.keyframes);
+        }
+        Ok(is_keyframe)
+    }
+
+    /// Empties a young map that nothing can be tracked in, and begins it with the frame `first`, which was
+    /// lost. Returns the pose of the frame `second`, which agrees with that.
+    fn begin_anew(
+        &mut self,
+        first: Frame,
+        second: &Frame,
+    ) -> Result<Option<TrackedPose>, GpuError> {
+        tracing::warn!(
+            sequence = first.sequence,
+            "the first frames of the map were bad: it begins anew with this frame"
+        );
+        self.trainer.settle(&mut self.live.gaussians)?;
+        self.live.clear(&self.gpu, step_budget(&self.config));
+        self.tracker.begin_anew();
+        self.publisher.gaussians_changed();
+        if let Tracking::Found(tracked) = self.track(&first)? {
+            self.map_tracked(first, &tracked)?;
+        }
+        Ok(match self.track(second)? {
+            Tracking::Found(tracked) => Some(tracked),
+            Tracking::Lost | Tracking::BeginAnew(_) => None,
+        })
+    }
+
+    fn track(&mut self, frame: &Frame) -> Result<Tracking, GpuError> {
         let mut scene = Scene {
             trainer: &mut self.trainer,
             gaussians: &self.live.gaussians,

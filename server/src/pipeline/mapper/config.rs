@@ -40,6 +40,10 @@ pub struct MapperConfig {
     pub insert_depth_error: f32,
     /// or where the mean absolute color error is above this, 0 to 1.
     pub insert_color_error: f32,
+    /// A keyframe whose colors differ by more than this from the map's (0 to 1, upper quartile over surfaces
+    /// that the map has) adds larger Gaussians, from half as many visits. A map with few steps differs by
+    /// 0.03, a noisy camera by 0.02 to 0.07, for which 0.015 is a good value. 1: never.
+    pub insert_disagreement: f32,
     /// Where this many keyframes have shown a place from as near, Gaussians are inserted only if the map is
     /// transparent there.
     pub insert_keyframes: usize,
@@ -170,6 +174,7 @@ impl MapperConfig {
         within("mapper.insert_opacity", self.insert_opacity, 0.0..=1.0)?;
         at_least("mapper.insert_depth_error", self.insert_depth_error, 0.0)?;
         within("mapper.insert_color_error", self.insert_color_error, 0.0..=1.0)?;
+        within("mapper.insert_disagreement", self.insert_disagreement, 0.0..=1.0)?;
         let backdrop = self.insert_backdrop;
         require(
             backdrop == 0.0 || (backdrop > 1.0 && backdrop.is_finite()),
@@ -222,6 +227,7 @@ impl Default for MapperConfig {
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
             insert_color_error: 0.1,
+            insert_disagreement: 1.0,
             insert_keyframes: 8,
             insert_backdrop: 1.25,
             max_gaussians: 400_000,
@@ -295,6 +301,11 @@ mod tests {
             "mapper.insert_color_error",
             |c| c.insert_color_error = 1.1,
             |c| c.insert_color_error = 1.0,
+        ),
+        (
+            "mapper.insert_disagreement",
+            |c| c.insert_disagreement = -0.1,
+            |c| c.insert_disagreement = 1.0,
         ),
         ("mapper.insert_backdrop", |c| c.insert_backdrop = 1.0, |c| c.insert_backdrop = 0.0),
         ("mapper.insert_backdrop", |c| c.insert_backdrop = -2.0, |c| c.insert_backdrop = 1.1),

@@ -40,6 +40,12 @@ impl InitialPose {
         Some(Self { world_from_camera, exposure, is_wide: false, information })
     }
 
+    /// A pose relative to a keyframe that shares features with the frame.
+    pub fn beside_keyframe(keyframe: &Keyframe, keyframe_from_camera: &Isometry3<f64>) -> Self {
+        let world_from_camera = keyframe.frame.world_from_camera * keyframe_from_camera;
+        Self { world_from_camera, ..Self::at_keyframe(keyframe) }
+    }
+
     /// The pose of a keyframe that looks like the frame.
     pub fn at_keyframe(keyframe: &Keyframe) -> Self {
         Self {
@@ -54,8 +60,7 @@ impl InitialPose {
 impl PoseCandidate {
     /// A given pose: it is not in doubt.
     pub fn given(world_from_camera: Isometry3<f64>) -> Self {
-        let quality =
-            AlignmentQuality { overlap: 1.0, surface: 1.0, intensity: 1.0, conditioning: 1.0 };
+        let quality = AlignmentQuality::PERFECT;
         Self { world_from_camera, exposure: [0.0; 2], quality, jumped: false }
     }
 }

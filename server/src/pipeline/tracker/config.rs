@@ -52,6 +52,16 @@ pub struct TrackerConfig {
     pub min_intensity: f64,
     /// and the smallest eigenvalue of the normal system is at least this share of the largest.
     pub min_conditioning: f64,
+    /// Most share of the pixels that may contradict the reference if no other start is to be tried,
+    pub convincing_disagreement: f64,
+    /// or this times the share that tracked frames usually leave unexplained, whichever is more.
+    pub convincing_factor: f64,
+    /// Most share of the pixels that may contradict the reference if a pose is to be believed,
+    pub max_disagreement: f64,
+    /// or this times the usual share, whichever is more.
+    pub max_factor: f64,
+    /// The same if another start ended at the same pose, and one of the two started from features.
+    pub confirmed_disagreement: f64,
     /// Number of similar keyframes that a lost frame is aligned with; 0: only with the last pose.
     pub relocalise_keyframes: usize,
     /// Relocalised if at least this share of the pixels in view lies on the surface,
@@ -128,6 +138,11 @@ impl TrackerConfig {
         within("tracker.min_surface", self.min_surface, 0.0..=1.0)?;
         within("tracker.min_intensity", self.min_intensity, 0.0..=1.0)?;
         within("tracker.min_conditioning", self.min_conditioning, 0.0..=1.0)?;
+        within("tracker.convincing_disagreement", self.convincing_disagreement, 0.0..=1.0)?;
+        at_least("tracker.convincing_factor", self.convincing_factor, 0.0)?;
+        within("tracker.max_disagreement", self.max_disagreement, 0.0..=1.0)?;
+        at_least("tracker.max_factor", self.max_factor, 0.0)?;
+        within("tracker.confirmed_disagreement", self.confirmed_disagreement, 0.0..=1.0)?;
         within("tracker.relocalise_surface", self.relocalise_surface, 0.0..=1.0)?;
         within("tracker.relocalise_intensity", self.relocalise_intensity, 0.0..=1.0)?;
         within("tracker.refine_metres", self.refine_metres, 0.0..=MAX_STEP)?;
@@ -171,9 +186,14 @@ impl Default for TrackerConfig {
             min_surface: 0.3,
             min_intensity: 0.55,
             min_conditioning: 1e-4,
+            convincing_disagreement: 0.03,
+            convincing_factor: 2.0,
+            max_disagreement: 0.05,
+            max_factor: 4.0,
+            confirmed_disagreement: 0.4,
             relocalise_keyframes: 4,
-            relocalise_surface: 0.5,
-            relocalise_intensity: 0.7,
+            relocalise_surface: 0.35,
+            relocalise_intensity: 0.6,
             refine_keyframes: 0,
             refine_metres: 5e-4,
             refine_radians: 1.5e-3,
@@ -235,6 +255,23 @@ mod tests {
         ("tracker.min_surface", |c| c.min_surface = -0.1, |c| c.min_surface = 0.0),
         ("tracker.min_intensity", |c| c.min_intensity = f64::NAN, |c| c.min_intensity = 0.0),
         ("tracker.min_conditioning", |c| c.min_conditioning = 1.1, |c| c.min_conditioning = 0.0),
+        (
+            "tracker.convincing_disagreement",
+            |c| c.convincing_disagreement = 1.1,
+            |c| c.convincing_disagreement = 0.0,
+        ),
+        (
+            "tracker.convincing_factor",
+            |c| c.convincing_factor = -1.0,
+            |c| c.convincing_factor = 0.0,
+        ),
+        ("tracker.max_disagreement", |c| c.max_disagreement = -0.1, |c| c.max_disagreement = 1.0),
+        (
+            "tracker.confirmed_disagreement",
+            |c| c.confirmed_disagreement = 1.1,
+            |c| c.confirmed_disagreement = 0.0,
+        ),
+        ("tracker.max_factor", |c| c.max_factor = f64::NAN, |c| c.max_factor = 0.0),
         (
             "tracker.relocalise_surface",
             |c| c.relocalise_surface = 1.1,

@@ -4,18 +4,20 @@
 //! tracker accepts or not.
 
 use super::super::downsampled_frame::DownsampledFrame;
+use super::super::frame::Frame;
 use super::super::keyframes::Keyframe;
 use super::candidate::{InitialPose, PoseCandidate};
 use super::config::TrackerConfig;
 use super::multi_reference::{self, Reference, adjoint};
-use super::quality::AlignmentQuality;
+use super::quality::{self, AlignmentQuality};
 use super::scene::Scene;
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
 
 use lexsplat_gpu::pyramid;
 use lexsplat_gpu::{
-    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, Pyramid, Pyramids, Schedule,
+    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, NormalSystem, Pyramid, Pyramids,
+    Schedule,
 };
 use nalgebra::{Isometry3, Matrix6};
 
@@ -25,6 +27,8 @@ const WIDE_FACTOR: f64 = 5.0;
 const MAX_NARROW_ALIGNMENTS: usize = 4;
 /// The narrow alignments end when the pose moves less than this, metres and radians.
 const SETTLED: f64 = 1e-3;
+/// The check with exchanged roles looks at one in this many of the pixels that are aligned.
+const CHECKED_STRIDE: u32 = 4;
 /// Largest stride between compared pixels that [`AlignSettings`] takes.
 const MAX_STRIDE: usize = 64;
 
@@ -40,9 +44,13 @@ pub(super) struct FrameAligner {
     rendered: Pyramid,
     /// The frame to be aligned.
     live: Pyramid,
+    /// Its sequence number.
+    uploaded: Option<u64>,
     /// The last tracked frame.
     last: Pyramid,
     last_found: Option<PoseCandidate>,
+    /// The last lost frame, if it was kept.
+    stray: Pyramid,
     /// Images of the keyframes used last, by sequence number.
     keyframes: Vec<(u64, Pyramid)>,
 }
@@ -63,6 +71,7 @@ impl FrameAligner {
         let pyramids = Pyramids::new(gpu)?;
         let allocate = || pyramids.allocate(camera, levels);
         let (rendered, live, last) = (allocate()?, allocate()?, allocate()?);
+        let stray = allocate()?;
         Ok(Some(Self {
             gpu: gpu.clone(),
             config: config.clone(),
@@ -72,8 +81,10 @@ impl FrameAligner {
             pyramids,
             rendered,
             live,
+            uploaded: None,
             last,
             last_found: None,
+            stray,
             keyframes: Vec::new(),
         }))
     }
@@ -82,14 +93,25 @@ impl FrameAligner {
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
-    pub fn upload(&mut self, frame: &DownsampledFrame) -> Result<(), GpuError> {
+    pub fn upload(&mut self, frame: &DownsampledFrame, sequence: u64) -> Result<(), GpuError> {
+        self.uploaded = Some(sequence);
         self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)
+    }
+
+    /// Whether this frame was uploaded last.
+    pub fn is_uploaded(&self, frame: &Frame) -> bool {
+        self.uploaded == Some(frame.sequence)
     }
 
     /// Keeps the uploaded frame, which was tracked, as the last frame.
     pub fn keep_as_last(&mut self, found: &PoseCandidate) {
         std::mem::swap(&mut self.live, &mut self.last);
         self.last_found = Some(*found);
+    }
+
+    /// Keeps the uploaded frame, which was lost.
+    pub fn keep_as_stray(&mut self) {
+        std::mem::swap(&mut self.live, &mut self.stray);
     }
 
     /// Aligns the frame with keyframes, and with the map rendered at the initial pose if `map_weight` is set
@@ -228,6 +250,23 @@ impl FrameAligner {
         align(aligner, &[reference], live, base, &estimate, &schedule).map(Some)
     }
 
+    /// Aligns the frame with the lost one that was kept, in that frame's coordinates.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn align_with_stray(&mut self) -> Result<PoseCandidate, GpuError> {
+        let base = Isometry3::identity();
+        let reference = Reference {
+            pyramid: &self.stray,
+            world_from_reference: base,
+            exposure: [0.0; 2],
+            weight: 1.0,
+        };
+        let schedule = self.schedule(false, None);
+        let (aligner, live, start) = (&mut self.aligner, &self.live, Estimate::default());
+        align(aligner, &[reference], live, &base, &start, &schedule)
+    }
+
     /// Every how many pixels of the finest level one is compared.
     fn stride(&self) -> u32 {
         let stride = self.camera.pixels() / self.config.pixels.max(1);
@@ -282,10 +321,23 @@ fn align(
     world_from_camera.rotation.renormalize();
     // A prior constrains motions that the images do not show.
     let conditioning = aligned.system.conditioning(schedule.with_exposure, schedule.prior.as_ref());
+    let exposure = aligned.estimate.exposure;
+    let best = quality::best(&systems);
+    let seen_from_reference = match best {
+        Some(at) => {
+            let estimate = multi_reference::reversed(&references[at], &world_from_camera, exposure);
+            let levels = (&live.levels()[0], &references[at].pyramid.levels()[0]);
+            let stride = (schedule.settings.stride * CHECKED_STRIDE).min(MAX_STRIDE as u32);
+            let settings = AlignSettings { stride, ..schedule.settings };
+            aligner.system(levels.0, levels.1, &estimate, &settings)?
+        }
+        None => NormalSystem::default(),
+    };
+    let system = best.map(|at| &systems[at]);
     Ok(PoseCandidate {
         world_from_camera,
-        exposure: aligned.estimate.exposure,
-        quality: AlignmentQuality::of(&systems, conditioning),
+        exposure,
+        quality: AlignmentQuality::of(system, &seen_from_reference, conditioning),
         jumped: false,
     })
 }

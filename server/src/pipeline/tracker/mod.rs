@@ -14,25 +14,35 @@
 
 mod candidate;
 mod config;
+mod feature_pose;
 mod frame_aligner;
+mod judge;
 mod motion;
 mod multi_reference;
 mod photometric;
 mod quality;
 mod scene;
+mod search;
+mod young_map;
 
 pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use scene::Scene;
 
 use super::downsampled_frame::DownsampledFrame;
+use super::features::Features;
 use super::frame::{Frame, TrackedPose, TrackingState};
 use super::keyframes::{Keyframe, Thumbnail};
 use candidate::{InitialPose, PoseCandidate};
+use feature_pose::FeaturePose;
 use frame_aligner::FrameAligner;
+use judge::Judge;
 use lexsplat_gpu::{Gpu, GpuError};
 use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
-use quality::{AlignmentQuality, is_blank};
+use quality::{is_blank, usable_share};
+use search::{Origin, Search};
+use std::cmp::Reverse;
+use young_map::YoungMap;
 
 /// Estimates poses, one frame after the other.
 pub(super) struct Tracker {
@@ -44,6 +54,19 @@ pub(super) struct Tracker {
     /// Exposure of the last tracked frame.
     exposure: [f64; 2],
     state: TrackingState,
+    judge: Judge,
+    young: YoungMap,
+    /// Share of the newest frame's pixels that are usable; 0 if its pose was given.
+    usable: f64,
+}
+
+/// What became of a frame.
+pub(super) enum Tracking {
+    Found(TrackedPose),
+    Lost,
+    /// The frame is not in the map, but it agrees with this earlier one, which was lost too. The map has only
+    /// a few frames: it is to be emptied and begun with the earlier frame.
+    BeginAnew(Box<Frame>),
 }
 
 impl Tracker {
@@ -55,14 +78,24 @@ impl Tracker {
             motion: Motion::default(),
             exposure: [0.0; 2],
             state: TrackingState::Empty,
+            judge: Judge::default(),
+            young: YoungMap::default(),
+            usable: 0.0,
         }
     }
 
     /// Treats the next frame as lost because it comes from another stream, whose camera may be anywhere.
     pub fn resume(&mut self) {
+        self.young.resume();
         if self.state == TrackingState::Tracking {
             self.state = TrackingState::Lost;
         }
+    }
+
+    /// Forgets the map, which was emptied. Kernels and buffers are kept.
+    pub fn begin_anew(&mut self) {
+        let aligner = self.aligner.take();
+        *self = Self { aligner, ..Self::new(&self.gpu, &self.config) };
     }
 
     /// State after the newest frame.
@@ -70,23 +103,19 @@ impl Tracker {
         self.state
     }
 
-    /// Estimates the pose of a frame; `None` if it is lost.
+    /// Estimates the pose of a frame.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn track(
-        &mut self,
-        frame: &Frame,
-        scene: &mut Scene<'_>,
-    ) -> Result<Option<TrackedPose>, GpuError> {
+    pub fn track(&mut self, frame: &Frame, scene: &mut Scene<'_>) -> Result<Tracking, GpuError> {
         let was_lost = self.state == TrackingState::Lost && self.motion.last().is_some();
         let found = match frame.world_from_camera {
             Some(pose) => Some(PoseCandidate::given(pose)),
             None => self.estimate(frame, scene)?,
         };
-        let Some(PoseCandidate { world_from_camera, exposure, jumped, .. }) = found else {
+        let Some(PoseCandidate { world_from_camera, exposure, jumped, quality }) = found else {
             self.state = TrackingState::Lost;
-            return Ok(None);
+            return self.lost(frame);
         };
         if was_lost || jumped {
             self.motion.restart(world_from_camera, frame.timestamp_nanos);
@@ -96,8 +125,36 @@ impl Tracker {
         self.state = TrackingState::Tracking;
         self.exposure = exposure;
         let is_estimated = frame.world_from_camera.is_none();
+        if is_estimated && !scene.gaussians.is_empty() {
+            self.judge.learn(&quality);
+        }
+        self.young.tracked(is_estimated, self.usable);
         let relocalised = (was_lost || jumped) && is_estimated;
-        Ok(Some(TrackedPose { world_from_camera, exposure, is_estimated, relocalised }))
+        let tracked = TrackedPose { world_from_camera, exposure, is_estimated, relocalised };
+        Ok(Tracking::Found(tracked))
+    }
+
+    /// A frame is lost. If the map is young, it is kept, or the map begins anew.
+    fn lost(&mut self, frame: &Frame) -> Result<Tracking, GpuError> {
+        // A blank frame was not uploaded.
+        let Some(aligner) = self.aligner.as_mut().filter(|aligner| aligner.is_uploaded(frame))
+        else {
+            return Ok(Tracking::Lost);
+        };
+        if self.young.may_begin_anew() {
+            let quality = aligner.align_with_stray()?.quality;
+            tracing::debug!(sequence = frame.sequence, ?quality, "aligned with a lost frame");
+            if quality.is_tracked(&self.config)
+                && Judge::default().is_believable(&quality, &self.config)
+                && let Some(stray) = self.young.take_stray()
+            {
+                return Ok(Tracking::BeginAnew(Box::new(stray)));
+            }
+        }
+        if self.young.lost(frame, self.usable) {
+            aligner.keep_as_stray();
+        }
+        Ok(Tracking::Lost)
     }
 
     fn estimate(
@@ -106,6 +163,7 @@ impl Tracker {
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let image = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
+        self.usable = usable_share(&image);
         if is_blank(&image) {
             return Ok(None);
         }
@@ -114,7 +172,7 @@ impl Tracker {
         }
         // Taken out, so that it can be borrowed beside the tracker's other fields.
         let Some(mut aligner) = self.aligner.take() else { return Ok(None) };
-        aligner.upload(&image)?;
+        aligner.upload(&image, frame.sequence)?;
         let found = if scene.gaussians.is_empty() {
             let hint = frame.hint.as_ref().map(|hint| hint.world_from_camera);
             Some(PoseCandidate::given(hint.unwrap_or_default()))
@@ -125,6 +183,7 @@ impl Tracker {
         } else {
             self.search(&mut aligner, frame, &image, scene)?
         };
+        tracing::debug!(sequence = frame.sequence, quality = ?found.map(|found| found.quality), "accepted");
         if let Some(found) = &found {
             aligner.keep_as_last(found);
         }
@@ -132,7 +191,8 @@ impl Tracker {
         Ok(found)
     }
 
-    /// Tries initial poses, the most likely first, until a result is accepted.
+    /// Tries initial poses, the most likely first, until a result is convincing. Returns the best of them
+    /// if it is believable.
     fn search(
         &self,
         aligner: &mut FrameAligner,
@@ -140,69 +200,100 @@ impl Tracker {
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
-        if let Some(found) = self.search_near(aligner, frame, image, scene)? {
-            return Ok(Some(found));
+        let mut search = Search::new(&self.config, &self.judge, frame.sequence);
+        self.search_near(&mut search, aligner, frame, image, scene)?;
+        if !search.is_done() {
+            self.search_by_features(&mut search, aligner, image, scene)?;
         }
-        if let Some(found) = self.relocalise(aligner, frame, image, scene)? {
-            return Ok(Some(PoseCandidate { jumped: true, ..found }));
+        if !search.has_found() {
+            self.search_far(&mut search, aligner, frame, image, scene)?;
         }
-        tracing::info!(sequence = frame.sequence, "the camera is lost");
-        Ok(None)
+        let found = search.best();
+        if found.is_none() {
+            tracing::info!(sequence = frame.sequence, "the camera is lost");
+        }
+        Ok(found)
     }
 
     /// Starts from the robot's own estimate and from the predicted pose.
     fn search_near(
         &self,
+        search: &mut Search<'_>,
         aligner: &mut FrameAligner,
         frame: &Frame,
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
-    ) -> Result<Option<PoseCandidate>, GpuError> {
-        let sequence = frame.sequence;
+    ) -> Result<(), GpuError> {
         let is_lost = self.state == TrackingState::Lost;
         // While lost, a hint is a guess.
-        let is_accepted = |quality: &AlignmentQuality| {
-            if is_lost {
-                quality.is_relocalised(&self.config)
-            } else {
-                quality.is_tracked(&self.config)
-            }
-        };
+        let origin = if is_lost { Origin::Guess } else { Origin::Prediction };
         let hint = frame.hint.as_ref().and_then(|hint| InitialPose::from_hint(hint, self.exposure));
         let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
         let predicted = predicted.filter(|_| !is_lost).map(|pose| self.start(pose, false));
         for start in hint.iter().chain(&predicted) {
             let keyframes = self.references(scene, image, start);
-            for references in [&keyframes[..], &[]] {
-                let found = aligner.align_with_map(scene, start, references)?;
-                let count = references.len();
-                tracing::debug!(sequence, count, ?found.quality, exposure = ?found.exposure);
-                if is_accepted(&found.quality) {
-                    return Ok(Some(found));
-                }
+            search.add(origin, aligner.align_with_map(scene, start, &keyframes)?);
+            if search.is_done() {
+                return Ok(());
             }
         }
-        if let Some(start) = &predicted
-            && let Some(found) = aligner.align_with_last(start)?
-        {
-            tracing::debug!(sequence, ?found.quality, "aligned with the last frame");
-            if found.quality.is_tracked(&self.config) {
-                return Ok(Some(found));
-            }
-        }
-        Ok(None)
+        Ok(())
     }
 
-    /// Starts from the last pose, from a pose far along the motion, and from similar keyframes.
-    fn relocalise(
+    /// Starts from keyframes that share features with the frame.
+    fn search_by_features(
         &self,
+        search: &mut Search<'_>,
+        aligner: &mut FrameAligner,
+        image: &DownsampledFrame,
+        scene: &mut Scene<'_>,
+    ) -> Result<(), GpuError> {
+        let features = Features::detect(image);
+        let count = self.config.relocalise_keyframes;
+        let mut matched: Vec<(FeaturePose, &Keyframe)> = scene
+            .keyframes
+            .most_alike(&features, 2 * count)
+            .into_iter()
+            .filter_map(|kf| Some((feature_pose::find(&features, &kf.features)?, kf)))
+            .collect();
+        matched.sort_by_key(|(pose, _)| Reverse(pose.pairs));
+        for (pose, keyframe) in matched.into_iter().take(count) {
+            let start = InitialPose::beside_keyframe(keyframe, &pose.keyframe_from_camera);
+            let mut references = self.references(scene, image, &start);
+            if !references.iter().any(|kf| kf.frame.sequence == keyframe.frame.sequence) {
+                references.push(keyframe);
+            }
+            search.add(Origin::Features, aligner.align_with_map(scene, &start, &references)?);
+            if search.is_done() {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts from the last frame, from the rendered map, from the last pose, from a pose far along the
+    /// motion, and from keyframes that look like the frame.
+    fn search_far(
+        &self,
+        search: &mut Search<'_>,
         aligner: &mut FrameAligner,
         frame: &Frame,
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
-    ) -> Result<Option<PoseCandidate>, GpuError> {
+    ) -> Result<(), GpuError> {
+        let is_lost = self.state == TrackingState::Lost;
+        let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
+        if let Some(start) = predicted.filter(|_| !is_lost).map(|pose| self.start(pose, false)) {
+            if let Some(found) = aligner.align_with_last(&start)? {
+                search.add(Origin::Prediction, found);
+            }
+            search.add(Origin::Prediction, aligner.align_with_map(scene, &start, &[])?);
+        }
         let still = self.motion.last();
-        let far = self.motion.predict(frame.timestamp_nanos, LONG_PAUSE);
+        let far = self
+            .motion
+            .predict(frame.timestamp_nanos, LONG_PAUSE)
+            .filter(|far| Some(*far) != still);
         let near_last = still.into_iter().chain(far).map(|pose| {
             let start = self.start(pose, true);
             let references = self.references(scene, image, &start);
@@ -213,14 +304,12 @@ impl Tracker {
         let similar = similar.into_iter().map(|kf| (InitialPose::at_keyframe(kf), vec![kf]));
         let starts: Vec<(InitialPose, Vec<&Keyframe>)> = near_last.chain(similar).collect();
         for (start, references) in starts {
-            let found = aligner.align_with_map(scene, &start, &references)?;
-            let sequence = frame.sequence;
-            tracing::debug!(sequence, ?found.quality, "aligned with a place seen before");
-            if found.quality.is_relocalised(&self.config) {
-                return Ok(Some(found));
+            if search.has_found() {
+                return Ok(());
             }
+            search.add(Origin::Far, aligner.align_with_map(scene, &start, &references)?);
         }
-        Ok(None)
+        Ok(())
     }
 
     fn start(&self, world_from_camera: Isometry3<f64>, is_wide: bool) -> InitialPose {

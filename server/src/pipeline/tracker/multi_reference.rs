@@ -12,6 +12,8 @@
 //! Only the gain a is estimated; b stays at its start. With both free, image noise makes the contrast of each
 //! keyframe one percent too low (regression dilution), and the error adds up along a walk.
 
+use super::super::exposure;
+use lexsplat_gpu::align::EXPOSURE_LIMIT;
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
 
@@ -74,6 +76,26 @@ pub(super) fn align(
     Ok((aligned, systems))
 }
 
+/// The estimate with which the reference is aligned with the live image instead.
+pub(super) fn reversed(
+    reference: &Reference<'_>,
+    world_from_live: &Isometry3<f64>,
+    exposure: [f64; 2],
+) -> Estimate {
+    let base_from_live = Isometry3::identity();
+    let linear = LinearMap::new(reference, world_from_live);
+    let here = linear.estimate(&Estimate { reference_from_live: base_from_live, exposure });
+    Estimate {
+        reference_from_live: here.reference_from_live.inverse(),
+        exposure: within_limit(exposure::inverse(here.exposure)),
+    }
+}
+
+/// The gain of a frame relative to a reference may be the product of two large ones.
+fn within_limit([a, b]: [f64; 2]) -> [f64; 2] {
+    [a.clamp(-EXPOSURE_LIMIT, EXPOSURE_LIMIT), b]
+}
+
 /// Change of variables from the common unknowns to those of one reference.
 struct LinearMap {
     reference_from_base: Isometry3<f64>,
@@ -94,7 +116,7 @@ impl LinearMap {
         let ([a, b], [c, d]) = (estimate.exposure, self.exposure);
         Estimate {
             reference_from_live: self.reference_from_base * estimate.reference_from_live,
-            exposure: [a - c, (b - d) * (-c).exp()],
+            exposure: within_limit([a - c, (b - d) * (-c).exp()]),
         }
     }
 
@@ -110,6 +132,9 @@ impl LinearMap {
         all.geometric += one.geometric;
         all.photometric_inliers += one.photometric_inliers;
         all.geometric_inliers += one.geometric_inliers;
+        all.visible += one.visible;
+        all.agreeing += one.agreeing;
+        all.meeting += one.meeting;
     }
 }
 
@@ -129,6 +154,20 @@ mod tests {
     use super::*;
     use lexsplat_gpu::align::se3;
     use nalgebra::Vector6;
+
+    #[test]
+    fn a_large_gain_between_two_images_stays_within_what_the_device_takes() {
+        let relative = |a: f64, c: f64| {
+            let exposure = [c, 0.0];
+            let jacobian = SMatrix::identity();
+            let linear =
+                LinearMap { reference_from_base: Isometry3::identity(), exposure, jacobian };
+            linear.estimate(&Estimate { exposure: [a, 0.0], ..Estimate::default() }).exposure[0]
+        };
+        assert_eq!(relative(2.0, -2.0), EXPOSURE_LIMIT, "a frame 50 times as dark");
+        assert_eq!(relative(-2.0, 2.0), -EXPOSURE_LIMIT);
+        assert_eq!(relative(1.0, -0.5), 1.5, "an ordinary gain is kept");
+    }
 
     #[test]
     fn the_adjoint_carries_a_perturbation_to_the_other_side() {

@@ -12,6 +12,9 @@ const MIN_MEASURED: f64 = 0.03;
 /// A frame with a smaller mean intensity is black, 0 to 255.
 const BLACK: f64 = 6.0;
 
+/// Colors that are neither black nor blown out.
+const USABLE_COLOR: std::ops::Range<u8> = 4..252;
+
 /// How well a frame agrees with its reference after alignment. All shares are 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AlignmentQuality {
@@ -21,35 +24,54 @@ pub(super) struct AlignmentQuality {
     pub surface: f64,
     /// Share of the compared pixels that have the reference's intensity.
     pub intensity: f64,
+    /// Share of the pixels on surfaces that both images show that agree in depth and intensity, in the
+    /// direction in which it is smaller. A pixel that lies in front of the other image's surface
+    /// contradicts it; one that lies behind is hidden and does not count.
+    pub agreement: f64,
+    /// The same share with agreement in depth alone.
+    pub depth_agreement: f64,
     /// Smallest over largest eigenvalue of the normal system.
     pub conditioning: f64,
 }
 
 impl AlignmentQuality {
-    /// Quality with respect to the reference that the frame agrees with best.
-    pub fn of(systems: &[NormalSystem], conditioning: f64) -> Self {
-        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
-        let quality = |system: &NormalSystem| {
-            let counts = &system.counts;
-            Self {
-                overlap: share(counts.inside, counts.live),
-                surface: share(counts.geometric_inliers, counts.inside),
-                intensity: share(counts.photometric_inliers, counts.photometric),
-                conditioning,
-            }
-        };
-        let all = systems.iter().map(quality);
-        let agreement = |quality: &Self| quality.overlap * quality.surface;
-        let best = all.max_by(|a, b| agreement(a).total_cmp(&agreement(b)));
-        best.unwrap_or(Self { overlap: 0.0, surface: 0.0, intensity: 0.0, conditioning })
+    /// That of a pose that is not in doubt.
+    pub const PERFECT: Self = Self {
+        overlap: 1.0,
+        surface: 1.0,
+        intensity: 1.0,
+        agreement: 1.0,
+        depth_agreement: 1.0,
+        conditioning: 1.0,
+    };
+
+    /// Quality from the system with respect to the best reference, and from the same two images with
+    /// their roles exchanged.
+    pub fn of(system: Option<&NormalSystem>, exchanged: &NormalSystem, conditioning: f64) -> Self {
+        let counts = system.map(|system| system.counts).unwrap_or_default();
+        let other = &exchanged.counts;
+        Self {
+            overlap: share(counts.inside, counts.live),
+            surface: share(counts.geometric_inliers, counts.inside),
+            intensity: share(counts.photometric_inliers, counts.photometric),
+            agreement: share(counts.agreeing, counts.visible)
+                .min(share(other.agreeing, other.visible)),
+            depth_agreement: share(counts.meeting, counts.visible)
+                .min(share(other.meeting, other.visible)),
+            conditioning,
+        }
+    }
+
+    /// Whether the geometry fits.
+    pub fn is_aligned(&self, config: &TrackerConfig) -> bool {
+        self.overlap >= config.min_overlap
+            && self.surface >= config.min_surface
+            && self.conditioning >= config.min_conditioning
     }
 
     /// Good enough for a frame that was predicted.
     pub fn is_tracked(&self, config: &TrackerConfig) -> bool {
-        self.overlap >= config.min_overlap
-            && self.surface >= config.min_surface
-            && self.intensity >= config.min_intensity
-            && self.conditioning >= config.min_conditioning
+        self.is_aligned(config) && self.intensity >= config.min_intensity
     }
 
     /// Good enough for a pose that started from a guess.
@@ -58,6 +80,28 @@ impl AlignmentQuality {
             && self.surface >= config.relocalise_surface
             && self.intensity >= config.relocalise_intensity
     }
+}
+
+/// Index of the reference that the frame agrees with best.
+pub(super) fn best(systems: &[NormalSystem]) -> Option<usize> {
+    let agreement = |system: &NormalSystem| {
+        let counts = &system.counts;
+        share(counts.inside, counts.live) * share(counts.geometric_inliers, counts.inside)
+    };
+    (0..systems.len()).max_by(|a, b| agreement(&systems[*a]).total_cmp(&agreement(&systems[*b])))
+}
+
+fn share(part: u32, whole: u32) -> f64 {
+    f64::from(part) / f64::from(whole.max(1))
+}
+
+/// Share of the pixels that have a depth and are neither black nor blown out, 0 to 1.
+pub(super) fn usable_share(frame: &DownsampledFrame) -> f64 {
+    let pixels = frame.rgb.chunks_exact(3).zip(&*frame.depth_metres);
+    let is_usable = |(rgb, depth): &(&[u8], &f32)| {
+        **depth > 0.0 && rgb.iter().any(|value| USABLE_COLOR.contains(value))
+    };
+    pixels.filter(is_usable).count() as f64 / frame.depth_metres.len().max(1) as f64
 }
 
 /// Whether a frame is black or hardly measured, so that it can be neither tracked nor mapped.

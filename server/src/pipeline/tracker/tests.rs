@@ -246,3 +246,124 @@ async fn what_the_robot_thinks_is_weighed() {
     assert!(error(&third, &at(1.05)) < CLOSE, "{third:?}");
     assert!(error(&third, &at(1.0)) > 2.0 * CLOSE, "and not where it was");
 }
+
+/// A frame of the walk that is spoiled in one way.
+fn spoiled(frame: u64, how: usize) -> (Vec<u8>, Vec<f32>) {
+    let (mut rgb, mut depth) = shoot(&pose(frame as f64));
+    match how {
+        0 => rgb.iter_mut().for_each(|value| *value = value.saturating_mul(4)),
+        1 => rgb.fill(255),
+        2 => {
+            depth.iter_mut().enumerate().filter(|(at, _)| at % 160 > 8).for_each(|(_, z)| *z = 0.0)
+        }
+        _ => {
+            rgb.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&[190, 140, 120]));
+            depth.fill(0.25);
+        }
+    }
+    (rgb, depth)
+}
+
+/// The worst error of tracked frames, relative to the first good frame, and the number of lost ones.
+async fn walk_with_bad(map: &str, is_bad: impl Fn(u64) -> Option<usize>) -> (f64, usize) {
+    let mut robot = Robot::new(map);
+    let (mut origin, mut worst, mut lost) = (None, 0.0f64, 0);
+    for at in 0..30 {
+        let how = is_bad(at);
+        let images = how.map_or_else(|| shoot(&pose(at as f64)), |how| spoiled(at, how));
+        let Some(found) = robot.submit(images, None).await.world_from_camera else {
+            lost += usize::from(how.is_none());
+            continue;
+        };
+        if how.is_none() {
+            // The world may begin anew with a frame that was lost at first.
+            let here = found * pose(at as f64).inverse();
+            let first: Isometry3<f64> = *origin.get_or_insert(here);
+            let off = first.inverse() * here;
+            worst = worst.max(off.translation.vector.norm() + off.rotation.angle());
+        }
+    }
+    (worst, lost)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_whose_first_frames_are_bad_begins_anew() {
+    for how in 0..4 {
+        let (worst, lost) =
+            walk_with_bad(&format!("tracker-first-{how}"), |at| (at == 0).then_some(how)).await;
+        println!("first frame bad ({how}): worst {worst:.5}, {lost} lost");
+        assert!(worst < CLOSE && lost <= 1, "{how}: {worst} {lost}");
+        let (worst, lost) = walk_with_bad(&format!("tracker-second-{how}"), |at| {
+            (1..3).contains(&at).then_some(how)
+        })
+        .await;
+        println!("second and third bad ({how}): worst {worst:.5}, {lost} lost");
+        assert!(worst < CLOSE && lost <= 1, "{how}: {worst} {lost}");
+    }
+    // Negative control: frames of which no two agree begin no map.
+    let mut robot = Robot::new("tracker-never");
+    for at in 0..12 {
+        let outcome = robot
+            .look(
+                &(pose(f64::from(at) * 9.0)
+                    * if at % 2 == 0 { Isometry3::identity() } else { behind() }),
+            )
+            .await;
+        assert_eq!(
+            outcome.world_from_camera.is_some(),
+            at == 0 || at % 2 == 0,
+            "{at}: {outcome:?}"
+        );
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_tenth_frame_may_be_bad() {
+    let (worst, lost) =
+        walk_with_bad("tracker-tenth", |at| (at % 10 == 9).then_some(at as usize / 10)).await;
+    println!("worst {worst:.5}, {lost} lost");
+    assert!(worst < CLOSE && lost == 0, "{worst} {lost}");
+}
+
+/// The first second of a camera is dark, then it brightens: all is one map.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_second_may_be_dark() {
+    let mut robot = Robot::new("tracker-dark");
+    let (mut origin, mut worst, mut lost) = (None, 0.0f64, 0);
+    for at in 0..45 {
+        let (mut rgb, depth) = shoot(&pose(f64::from(at)));
+        let gain = if at < 30 { 0.08 } else { 1.0 };
+        rgb.iter_mut().for_each(|value| *value = (f64::from(*value) * gain) as u8);
+        match robot.submit((rgb, depth), None).await.world_from_camera {
+            Some(found) if at >= 30 => {
+                let here = found * pose(f64::from(at)).inverse();
+                let first: Isometry3<f64> = *origin.get_or_insert(here);
+                let off = first.inverse() * here;
+                worst = worst.max(off.translation.vector.norm() + off.rotation.angle());
+            }
+            Some(_) => {}
+            None => lost += usize::from(at >= 30),
+        }
+    }
+    println!("worst {worst:.5}, {lost} lost");
+    assert!(worst < 2.0 * CLOSE && lost <= 1, "{worst} {lost}");
+}
+
+/// Far apart frames: either found exactly or lost.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_large_step_is_never_tracked_wrongly() {
+    for (stride, least) in [(10, 8), (15, 1), (30, 1)] {
+        let mut robot = Robot::new(&format!("tracker-stride-{stride}"));
+        let (mut worst, mut found) = (0.0f64, 0);
+        for at in 0..8 {
+            let wanted = pose(f64::from(at * stride));
+            let outcome = robot.look(&wanted).await;
+            if outcome.world_from_camera.is_some() {
+                worst = worst.max(error(&outcome, &wanted));
+                found += 1;
+            }
+        }
+        println!("every {stride}th frame: worst {worst:.5}, {found} of 8 found");
+        assert!(worst < 2.0 * CLOSE && found >= least, "{stride}: {worst}, {found} found");
+    }
+}

@@ -2,7 +2,11 @@
 //!
 //! In: a keyframe and the map rendered from its pose. Out: Gaussians appended to the map, one for each cell
 //! of a quadtree over the image. Cells are large where the image is flat. Existing Gaussians are not moved.
+//!
+//! Where keyframes of a real camera disagree about surfaces that the map has (`agreement.rs`), detail of one
+//! of them is not repeated by the others. Such a keyframe adds larger Gaussians, at fewer visits.
 
+mod agreement;
 mod disks;
 mod history;
 mod quadtree;
@@ -12,11 +16,21 @@ use super::super::downsampled_frame::DownsampledFrame;
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
 use super::config::MapperConfig;
+use agreement::{Agreement, color_error, on_surface};
 use disks::new_gaussians;
 use history::InsertionHistory;
 use lexsplat_gpu::{ColorImage, GpuError, Trainer};
 use quadtree::{Cell, Subdivision, quadtree};
 use std::borrow::Cow;
+
+/// In a keyframe that disagrees with the map, the smallest cell is larger by this factor,
+const ROUGH_SIDE: usize = 2;
+/// a cell may have a color range of this many times the disagreement,
+const ROUGH_DETAIL: f32 = 8.0;
+/// a place gets corrections from this share of the visits,
+const ROUGH_VISITS: usize = 2;
+/// and what the map shows may be off by this many pixels.
+const ROUGH_SHIFT: usize = 1;
 
 /// Appends Gaussians for what the keyframe shows and the map does not have. The keyframe is not in the store
 /// yet.
@@ -38,16 +52,20 @@ pub(in super::super) fn insert(
     if has_backdrop {
         image = Cow::Owned(backdrop::filled(&image, backdrop_metres));
     }
+    let backdrop_metres = if has_backdrop { backdrop_metres } else { f32::INFINITY };
+    let agreement = Agreement::new(&image, &rendered, backdrop_metres, config.insert_depth_error);
+    image = agreement.in_map_colors(image);
+    let disagreement = agreement.disagreement(&image);
+    tracing::debug!(sequence = keyframe.frame.sequence, disagreement, "inserting");
+    let is_rough = disagreement > config.insert_disagreement;
+    let visits = if is_rough { ROUGH_VISITS } else { 1 };
     let history = InsertionHistory {
         keyframes: live.keyframes.iter().map(|keyframe| &keyframe.training).collect(),
-        limit: config.insert_keyframes,
+        limit: config.insert_keyframes.div_ceil(visits),
     };
-    let view = View {
-        image: &image,
-        rendered: &rendered,
-        history: &history,
-        backdrop_metres: if has_backdrop { backdrop_metres } else { f32::INFINITY },
-    };
+    let rough = is_rough.then_some(disagreement);
+    let view =
+        View { image: &image, rendered: &rendered, history: &history, backdrop_metres, rough };
     let mut cells = view.unexplained(config);
     let room = config.max_gaussians.saturating_sub(live.gaussians.len());
     if cells.len() > room {
@@ -70,6 +88,8 @@ struct View<'a> {
     history: &'a InsertionHistory<'a>,
     /// Depths from here on belong to the backdrop; infinite without one.
     backdrop_metres: f32,
+    /// How much the keyframe disagrees with the map, if that is too much to repeat its detail.
+    rough: Option<f32>,
 }
 
 impl View<'_> {
@@ -77,10 +97,17 @@ impl View<'_> {
     fn unexplained(&self, config: &MapperConfig) -> Vec<Cell> {
         let needs = |pixel| self.needs_gaussian(config, pixel);
         let wanted: Vec<bool> = (0..self.image.camera.pixels()).map(needs).collect();
+        let (max_side, min_side) = (config.insert_max_pixels, config.insert_min_pixels);
+        let (max_side, mut min_side) = (max_side as usize, min_side as usize);
+        let mut max_color_range = config.insert_detail;
+        if let Some(disagreement) = self.rough {
+            min_side = max_side.min(min_side * ROUGH_SIDE);
+            max_color_range = max_color_range.max(ROUGH_DETAIL * disagreement);
+        }
         let subdivision = Subdivision {
-            max_side: config.insert_max_pixels as usize,
-            min_side: config.insert_min_pixels as usize,
-            max_color_range: config.insert_detail,
+            max_side,
+            min_side,
+            max_color_range,
             max_depth_range: config.insert_depth_error,
         };
         quadtree(self.image, &wanted, subdivision)
@@ -100,22 +127,31 @@ impl View<'_> {
         if !is_opaque || measured >= self.backdrop_metres {
             return !is_opaque;
         }
-        let depth = self.rendered.depth[pixel] / opacity;
-        let is_behind = depth - measured > config.insert_depth_error * measured;
-        let on_surface = (depth - measured).abs() <= config.insert_depth_error * measured;
         let is_unexplained =
-            is_behind || (on_surface && self.color_error(pixel) > config.insert_color_error);
+            if on_surface(self.rendered, pixel, measured, config.insert_depth_error) {
+                self.nearby(pixel).all(|shown| {
+                    color_error(self.image, self.rendered, pixel, shown) > config.insert_color_error
+                })
+            } else {
+                // A depth that is not finite is behind nothing.
+                let depths = self.nearby(pixel).map(|near| self.image.depth_metres[near]);
+                let surface =
+                    depths.filter(|depth| *depth < self.backdrop_metres).fold(0.0, f32::max);
+                self.rendered.depth[pixel] / opacity - surface > config.insert_depth_error * surface
+            };
         is_unexplained && !self.history.is_exhausted(self.image, pixel)
     }
 
-    /// Mean absolute difference of the channels, 0 to 1.
-    fn color_error(&self, pixel: usize) -> f32 {
-        let channels = pixel * 3..pixel * 3 + 3;
-        let rendered = self.rendered.rgb[channels.clone()].iter();
-        let errors = rendered
-            .zip(&self.image.rgb[channels])
-            .map(|(rendered, seen)| (rendered - f32::from(*seen) / 255.0).abs());
-        errors.sum::<f32>() / 3.0
+    /// The pixel; in a rough keyframe also those around it, which the map may show in its place.
+    fn nearby(&self, pixel: usize) -> impl Iterator<Item = usize> + use<> {
+        let shift = if self.rough.is_some() { ROUGH_SHIFT } else { 0 };
+        let camera = &self.image.camera;
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let around =
+            move |at: usize, size: usize| at.saturating_sub(shift)..size.min(at + shift + 1);
+        let rows = around(pixel / width, height);
+        let columns = around(pixel % width, width);
+        rows.flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 }
 
@@ -150,7 +186,7 @@ mod tests {
     }
 
     /// What a map that explains [`wall`] perfectly renders.
-    fn explained() -> ColorImage {
+    pub(super) fn explained() -> ColorImage {
         ColorImage {
             width: SIZE as u32,
             height: SIZE as u32,
@@ -166,7 +202,7 @@ mod tests {
         history: &InsertionHistory<'_>,
         backdrop_metres: f32,
     ) -> Vec<Cell> {
-        let view = View { image, rendered, history, backdrop_metres };
+        let view = View { image, rendered, history, backdrop_metres, rough: None };
         view.unexplained(&MapperConfig::default())
     }
 
@@ -197,6 +233,30 @@ mod tests {
         assert_eq!(later(&open), squares, "a transparent place is always filled");
         let broken = ColorImage { opacity: vec![f32::NAN; SIZE * SIZE], ..explained() };
         assert_eq!(count(&wall, &broken), squares, "a broken picture explains nothing");
+    }
+
+    #[test]
+    fn a_rough_keyframe_adds_larger_gaussians_and_forgives_a_shift() {
+        let config = MapperConfig::default();
+        let (mut striped, mut shifted) = (wall(SIZE), explained());
+        let is_bright = |at: usize| at / 3 % SIZE == 4;
+        striped.rgb =
+            (0..SIZE * SIZE * 3).map(|at| if is_bright(at) { 255 } else { 128 }).collect();
+        let found = |rendered: &ColorImage, rough| {
+            let (image, backdrop_metres) = (&striped, f32::INFINITY);
+            let view = View { image, rendered, history: &NO_HISTORY, backdrop_metres, rough };
+            view.unexplained(&config)
+        };
+        let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
+        let smallest = |cells: &[Cell]| cells.iter().map(|cell| cell.side).min();
+        assert_eq!(smallest(&found(&open, None)), Some(2), "as fine as the stripe");
+        assert_eq!(smallest(&found(&open, Some(0.03))), Some(4));
+        assert_eq!(smallest(&found(&open, Some(0.07))), Some(8), "no finer than what is agreed on");
+        shifted.rgb = (0..SIZE * SIZE * 3)
+            .map(|at| if is_bright(at + 3) { 1.0 } else { 128.0 / 255.0 })
+            .collect();
+        assert!(!found(&shifted, None).is_empty(), "negative control");
+        assert!(found(&shifted, Some(0.02)).is_empty(), "off by a pixel");
     }
 
     #[test]

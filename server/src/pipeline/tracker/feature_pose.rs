@@ -1,0 +1,122 @@
+//! The pose of a frame from features that it shares with a keyframe.
+//!
+//! In: features of both, with their positions. Out: the rigid motion that brings most matches together
+//! (RANSAC on three pairs, then least squares on all that agree), or nothing if too few agree. It needs no
+//! initial pose. It is exact to a few centimetres, a start for an alignment.
+
+use super::super::features::Features;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Triples of pairs that are tried.
+const TRIES: usize = 2000;
+/// Pairs that must agree with a motion.
+const LEAST_PAIRS: usize = 8;
+/// A pair agrees if its points are brought together to this, metres,
+const AGREES_METRES: f64 = 0.02;
+/// plus this share of the depth, about five pixels.
+const AGREES_SHARE: f64 = 0.015;
+/// Fits to the pairs that agree.
+const FITS: usize = 3;
+const SEED: u64 = 0xfea7;
+
+/// Two positions of one corner: in the frame's camera and in the keyframe's.
+type Pair = (Point3<f64>, Point3<f64>);
+
+/// A motion and the number of pairs that agree with it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FeaturePose {
+    pub keyframe_from_camera: Isometry3<f64>,
+    pub pairs: usize,
+}
+
+/// The motion between a frame and a keyframe that show the same corners.
+pub(super) fn find(frame: &Features, keyframe: &Features) -> Option<FeaturePose> {
+    let matched = frame.matches(keyframe);
+    let pairs: Vec<Pair> =
+        matched.iter().map(|(own, other)| (*frame.point(*own), *keyframe.point(*other))).collect();
+    if pairs.len() < LEAST_PAIRS {
+        return None;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let mut best: Option<(usize, Isometry3<f64>)> = None;
+    for _ in 0..TRIES {
+        let three = [(); 3].map(|()| pairs[rng.random_range(0..pairs.len())]);
+        if !is_rigid(&three) {
+            continue;
+        }
+        let Some(motion) = fit(&three) else { continue };
+        let count = pairs.iter().filter(|pair| agrees(&motion, pair)).count();
+        if best.is_none_or(|(most, _)| count > most) {
+            best = Some((count, motion));
+        }
+    }
+    let (_, mut motion) = best?;
+    for _ in 0..FITS {
+        let agreeing: Vec<Pair> =
+            pairs.iter().filter(|pair| agrees(&motion, pair)).copied().collect();
+        motion = fit(&agreeing)?;
+    }
+    let count = pairs.iter().filter(|pair| agrees(&motion, pair)).count();
+    (count >= LEAST_PAIRS).then_some(FeaturePose { keyframe_from_camera: motion, pairs: count })
+}
+
+fn tolerance(pair: &Pair) -> f64 {
+    AGREES_METRES + AGREES_SHARE * pair.0.z.max(pair.1.z)
+}
+
+fn agrees(motion: &Isometry3<f64>, pair: &Pair) -> bool {
+    (motion * pair.0 - pair.1).norm() <= tolerance(pair)
+}
+
+/// Whether three pairs can be one motion: they are apart, and their distances are kept.
+fn is_rigid(three: &[Pair; 3]) -> bool {
+    [(0, 1), (1, 2), (2, 0)].iter().all(|(i, j)| {
+        let (here, there) = (three[*i].0 - three[*j].0, three[*i].1 - three[*j].1);
+        let allowed = tolerance(&three[*i]) + tolerance(&three[*j]);
+        here.norm() > 3.0 * allowed && (here.norm() - there.norm()).abs() <= allowed
+    })
+}
+
+/// The rigid motion with the least sum of squared distances (Arun 1987); `None` if the points do not
+/// determine one.
+fn fit(pairs: &[Pair]) -> Option<Isometry3<f64>> {
+    let count = pairs.len() as f64;
+    let mean = |point: fn(&Pair) -> Point3<f64>| {
+        pairs.iter().map(|pair| point(pair).coords).sum::<nalgebra::Vector3<f64>>() / count
+    };
+    let (from, to) = (mean(|pair| pair.0), mean(|pair| pair.1));
+    let covariance: Matrix3<f64> =
+        pairs.iter().map(|(a, b)| (b.coords - to) * (a.coords - from).transpose()).sum();
+    let svd = covariance.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let mirror = Matrix3::from_diagonal(&[1.0, 1.0, (u * v_t).determinant().signum()].into());
+    let rotation = u * mirror * v_t;
+    let rotation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let motion = Isometry3::from_parts(Translation3::from(to - rotation * from), rotation);
+    motion.translation.vector.iter().all(|v| v.is_finite()).then_some(motion)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lexsplat_gpu::align::se3;
+    use nalgebra::Vector6;
+
+    #[test]
+    fn a_fit_finds_a_motion_and_no_mirror() {
+        let motion = se3::exp(&Vector6::new(0.4, -0.2, 0.3, 0.5, -0.8, 0.2));
+        let points = [[0.0, 0.0, 2.0], [1.0, 0.1, 2.2], [-0.3, 0.8, 1.7], [0.5, -0.6, 3.0]];
+        let pairs: Vec<Pair> =
+            points.iter().map(|p| (Point3::from(*p), motion * Point3::from(*p))).collect();
+        let off =
+            |found: &Isometry3<f64>| (found.to_homogeneous() - motion.to_homogeneous()).norm();
+        let found = fit(&pairs).expect("four points determine a motion");
+        assert!(off(&found) < 1e-9, "{found}");
+        let flat = fit(&pairs[..3]).expect("three too");
+        assert!(off(&flat) < 1e-9, "in a plane, where a mirror image fits as well: {flat}");
+        assert!(off(&Isometry3::identity()) > 0.1);
+    }
+}

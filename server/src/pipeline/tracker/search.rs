@@ -1,0 +1,167 @@
+//! The search for the pose of one frame: the best result so far, and whether it ends the search.
+//!
+//! In: results of alignments from several starts. Out: the best believable one. Two results at one pose
+//! confirm each other if at least one of them started from features, because matches to two keyframes, or
+//! matches and a prediction, do not err together.
+
+use super::candidate::PoseCandidate;
+use super::config::TrackerConfig;
+use super::judge::Judge;
+
+/// Two poses nearer than this are the same, metres,
+const SAME_METRES: f64 = 0.01;
+/// and radians.
+const SAME_RADIANS: f64 = 0.01;
+
+/// Where an alignment started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// Near where the camera is expected.
+    Prediction,
+    /// From the robot's own estimate while the camera is lost.
+    Guess,
+    /// From features shared with a keyframe.
+    Features,
+    /// From a pose far along the motion, or that of a keyframe that looks alike.
+    Far,
+}
+
+/// Collects the results of alignments from several starts.
+pub(super) struct Search<'a> {
+    config: &'a TrackerConfig,
+    judge: &'a Judge,
+    sequence: u64,
+    /// Results that another one may confirm.
+    results: Vec<(Origin, PoseCandidate)>,
+    best: Option<PoseCandidate>,
+    is_done: bool,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(config: &'a TrackerConfig, judge: &'a Judge, sequence: u64) -> Self {
+        Self { config, judge, sequence, results: Vec::new(), best: None, is_done: false }
+    }
+
+    /// Adds the result of an alignment.
+    pub fn add(&mut self, origin: Origin, found: PoseCandidate) {
+        let (config, quality) = (self.config, &found.quality);
+        tracing::debug!(self.sequence, ?origin, ?quality, exposure = ?found.exposure);
+        let is_accepted = match origin {
+            Origin::Prediction => quality.is_tracked(config),
+            Origin::Guess | Origin::Features | Origin::Far => quality.is_relocalised(config),
+        };
+        // Colors may differ for other reasons, such as reflections and automatic tone curves.
+        let is_likely = quality.is_aligned(config)
+            && (1.0 - quality.agreement <= config.confirmed_disagreement
+                || 1.0 - quality.depth_agreement <= config.max_disagreement);
+        let is_confirmed = is_likely
+            && self.results.iter().any(|(other, result)| {
+                [*other, origin].contains(&Origin::Features) && is_same(result, &found)
+            });
+        if is_likely {
+            self.results.push((origin, found));
+        }
+        let is_believed = is_accepted && self.judge.is_believable(quality, config);
+        if !is_confirmed && !is_believed {
+            return;
+        }
+        self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
+        let is_better = |best: &PoseCandidate| quality.agreement > best.quality.agreement;
+        if self.best.as_ref().is_none_or(is_better) {
+            let jumped = matches!(origin, Origin::Features | Origin::Far);
+            self.best = Some(PoseCandidate { jumped, ..found });
+        }
+    }
+
+    /// Whether a result is convincing, so that no other start needs to be tried.
+    pub fn is_done(&self) -> bool {
+        self.is_done
+    }
+
+    /// Whether a result is believable.
+    pub fn has_found(&self) -> bool {
+        self.best.is_some()
+    }
+
+    /// The believable result that agrees best with the map.
+    pub fn best(self) -> Option<PoseCandidate> {
+        self.best
+    }
+}
+
+fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
+    let off = a.world_from_camera.inverse() * b.world_from_camera;
+    off.translation.vector.norm() < SAME_METRES && off.rotation.angle() < SAME_RADIANS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::tracker::quality::AlignmentQuality;
+    use nalgebra::Isometry3;
+
+    fn result(agreement: f64, x: f64) -> PoseCandidate {
+        let depth_agreement = agreement;
+        let quality = AlignmentQuality { agreement, depth_agreement, ..AlignmentQuality::PERFECT };
+        let world_from_camera = Isometry3::translation(x, 0.0, 0.0);
+        PoseCandidate { quality, ..PoseCandidate::given(world_from_camera) }
+    }
+
+    /// The x of the pose that is found, and whether the search is done.
+    fn found(results: &[(Origin, f64, f64)]) -> (Option<f64>, bool) {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let mut search = Search::new(&config, &judge, 0);
+        for (origin, agreement, x) in results {
+            search.add(*origin, result(*agreement, *x));
+        }
+        let is_done = search.is_done();
+        (search.best().map(|best| best.world_from_camera.translation.x), is_done)
+    }
+
+    #[test]
+    fn a_doubtful_pose_is_believed_if_features_confirm_it() {
+        use Origin::{Far, Features, Prediction};
+        assert_eq!(found(&[(Prediction, 0.99, 1.0)]), (Some(1.0), true));
+        assert_eq!(found(&[(Prediction, 0.7, 1.0)]), (None, false), "alone it is not");
+        assert_eq!(found(&[(Prediction, 0.7, 1.0), (Features, 0.7, 1.001)]), (Some(1.001), true));
+        assert_eq!(found(&[(Features, 0.7, 1.0), (Features, 0.7, 1.001)]), (Some(1.001), true));
+        assert_eq!(
+            found(&[(Prediction, 0.7, 1.0), (Features, 0.7, 1.1)]),
+            (None, false),
+            "elsewhere"
+        );
+        assert_eq!(
+            found(&[(Prediction, 0.7, 1.0), (Far, 0.7, 1.0)]),
+            (None, false),
+            "both may slide"
+        );
+        assert_eq!(
+            found(&[(Features, 0.5, 1.0), (Features, 0.5, 1.0)]),
+            (None, false),
+            "too little"
+        );
+        let two = [(Prediction, 0.87, 1.0), (Features, 0.9, 2.0)];
+        assert_eq!(found(&two), (Some(2.0), false), "the better of two");
+    }
+
+    #[test]
+    fn other_colors_do_not_matter_where_features_and_depth_agree() {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let found = |depth_agreement: f64| {
+            let quality = AlignmentQuality {
+                agreement: 0.4,
+                intensity: 0.4,
+                depth_agreement,
+                ..AlignmentQuality::PERFECT
+            };
+            let result = PoseCandidate { quality, ..PoseCandidate::given(Isometry3::identity()) };
+            let mut search = Search::new(&config, &judge, 0);
+            search.add(Origin::Features, result);
+            assert!(!search.has_found(), "alone it is not believed");
+            search.add(Origin::Features, result);
+            search.has_found()
+        };
+        assert!(found(0.99));
+        assert!(!found(0.7), "the surfaces differ too");
+    }
+}
