@@ -2,7 +2,7 @@
 //! read or rendered again for comparison.
 
 use crate::trajectory::StampedPose;
-use lexsplat_client::dataset::{Dataset, DatasetError, Intrinsics, Moment, RgbdFrame, Truth};
+use lexsplat_client::dataset::{Dataset, DatasetError, Layer, RgbdFrame};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
@@ -38,25 +38,9 @@ impl Recorded {
     }
 }
 
-impl Dataset for Recorded {
-    fn name(&self) -> &str {
-        self.dataset.name()
-    }
-
-    fn len(&self) -> usize {
-        self.dataset.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.dataset.intrinsics()
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        self.dataset.depth_unit_metres()
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.dataset.sequence(index)
+impl Layer for Recorded {
+    fn below(&self) -> &dyn Dataset {
+        &*self.dataset
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
@@ -68,26 +52,6 @@ impl Dataset for Recorded {
         let mut seen = self.seen.lock().expect("no thread panics while it holds this");
         seen.insert(index, Seen { index, sequence, nanos, truth });
         Ok(frame)
-    }
-
-    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
-        self.dataset.moment(index)
-    }
-
-    fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.dataset.clean_frame(index)
-    }
-
-    fn simulated(&self) -> Option<String> {
-        self.dataset.simulated()
-    }
-
-    fn skipped(&self) -> &[String] {
-        self.dataset.skipped()
-    }
-
-    fn truth(&self) -> Option<&dyn Truth> {
-        self.dataset.truth()
     }
 }
 
@@ -103,8 +67,9 @@ mod tests {
         let dataset = range.of(Box::new(SyntheticDataset::new(3))).unwrap();
         let recorded = Recorded::new(Arc::from(dataset));
         assert!(recorded.seen().is_empty());
-        let frame = recorded.frame(2).unwrap();
-        recorded.frame(0).unwrap();
+        let read: &dyn Dataset = &recorded;
+        let frame = read.frame(2).unwrap();
+        read.frame(0).unwrap();
         let seen = recorded.seen();
         assert_eq!(seen.iter().map(|seen| seen.index).collect::<Vec<_>>(), [0, 2]);
         let truth = seen[1].truth.unwrap();

@@ -9,6 +9,7 @@ mod error;
 mod files;
 mod frame;
 mod kinect;
+mod layer;
 mod pose;
 mod range;
 mod replica;
@@ -24,6 +25,7 @@ pub use error::DatasetError;
 pub use frame::{
     Color, ColorFormat, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
+pub use layer::Layer;
 pub use range::FrameRange;
 pub use replica::Replica;
 pub use seven_scenes::SevenScenes;

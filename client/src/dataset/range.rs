@@ -2,7 +2,8 @@
 //! forwards and backwards. Frames keep their numbers in one pass and are renumbered in several.
 
 use super::error::DatasetError;
-use super::frame::{Intrinsics, Moment, RgbdFrame, counted_nanos};
+use super::frame::{Moment, RgbdFrame, counted_nanos};
+use super::layer::Layer;
 use super::source::Dataset;
 use super::truth::{Instance, Mask, Truth};
 use std::num::NonZeroUsize;
@@ -71,21 +72,13 @@ impl Part {
     }
 }
 
-impl Dataset for Part {
-    fn name(&self) -> &str {
-        self.dataset.name()
+impl Layer for Part {
+    fn below(&self) -> &dyn Dataset {
+        &*self.dataset
     }
 
-    fn len(&self) -> usize {
+    fn count(&self) -> usize {
         self.indices.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.dataset.intrinsics()
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        self.dataset.depth_unit_metres()
     }
 
     fn sequence(&self, index: usize) -> u64 {
@@ -105,14 +98,6 @@ impl Dataset for Part {
 
     fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
         Ok(self.numbered(self.dataset.clean_frame(self.indices[index])?, index))
-    }
-
-    fn simulated(&self) -> Option<String> {
-        self.dataset.simulated()
-    }
-
-    fn skipped(&self) -> &[String] {
-        self.dataset.skipped()
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

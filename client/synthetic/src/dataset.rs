@@ -151,11 +151,12 @@ impl Truth for SyntheticDataset {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use image::{DynamicImage, ImageBuffer, Luma};
 
-    fn units(depth: &Depth) -> ImageBuffer<Luma<u16>, Vec<u16>> {
+    /// The depth image, in its units.
+    pub fn units(depth: &Depth) -> ImageBuffer<Luma<u16>, Vec<u16>> {
         match image::load_from_memory(&depth.bytes).unwrap() {
             DynamicImage::ImageLuma16(units) => units,
             other => panic!("expected 16-bit grey, found {:?}", other.color()),

@@ -118,16 +118,9 @@ fn instances_json(instances: &[Instance]) -> serde_json::Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::tests::units;
     use crate::room::Room;
-    use image::{DynamicImage, ImageBuffer, Luma};
-    use lexsplat_client::dataset::{ColorFormat, Depth, Replica};
-
-    fn units(depth: &Depth) -> ImageBuffer<Luma<u16>, Vec<u16>> {
-        match image::load_from_memory(&depth.bytes).unwrap() {
-            DynamicImage::ImageLuma16(units) => units,
-            other => panic!("expected 16-bit grey, found {:?}", other.color()),
-        }
-    }
+    use lexsplat_client::dataset::{ColorFormat, Replica};
 
     #[test]
     fn a_written_room_is_read_back() {

@@ -92,6 +92,7 @@ pub const CRATES: &[Declared] = &[
             &["dataset/error", "dataset/frame"],
             &["dataset/truth"],
             &["dataset/source"],
+            &["dataset/layer"],
             &["dataset/files", "dataset/pose", "dataset/kinect"],
             &["dataset/range", "dataset/replica", "dataset/seven_scenes", "dataset/tum"],
             &["dataset/mod"],

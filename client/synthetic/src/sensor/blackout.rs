@@ -3,7 +3,7 @@
 
 use crate::encode::{rgb_jpeg, units_png};
 use lexsplat_client::dataset::{
-    ColorFormat, Dataset, DatasetError, DepthFormat, Intrinsics, Moment, RgbdFrame, Truth,
+    ColorFormat, Dataset, DatasetError, DepthFormat, Intrinsics, Layer, RgbdFrame,
 };
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -61,25 +61,9 @@ struct Blacked {
     blackout: Blackout,
 }
 
-impl Dataset for Blacked {
-    fn name(&self) -> &str {
-        self.dataset.name()
-    }
-
-    fn len(&self) -> usize {
-        self.dataset.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.dataset.intrinsics()
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        self.dataset.depth_unit_metres()
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.dataset.sequence(index)
+impl Layer for Blacked {
+    fn below(&self) -> &dyn Dataset {
+        &*self.dataset
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
@@ -99,25 +83,9 @@ impl Dataset for Blacked {
         Ok(frame)
     }
 
-    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
-        self.dataset.moment(index)
-    }
-
-    fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.dataset.clean_frame(index)
-    }
-
     fn simulated(&self) -> Option<String> {
         let before = self.dataset.simulated().map(|words| words + ", ");
         Some(format!("{}{}", before.unwrap_or_default(), self.blackout))
-    }
-
-    fn skipped(&self) -> &[String] {
-        self.dataset.skipped()
-    }
-
-    fn truth(&self) -> Option<&dyn Truth> {
-        self.dataset.truth()
     }
 }
 

@@ -25,8 +25,7 @@ pub use preset::{Axial, ColorPreset, D435, KINECT, PERFECT, PHONE, Preset, TOF};
 use crate::encode::{rgb_jpeg, units_png};
 use clean::{Clean, mean_brightness};
 use lexsplat_client::dataset::{
-    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame,
-    Truth,
+    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Layer, RgbdFrame,
 };
 use motion::{Flow, Motion};
 use noise::Noise;
@@ -95,25 +94,9 @@ impl Sensed {
     }
 }
 
-impl Dataset for Sensed {
-    fn name(&self) -> &str {
-        self.dataset.name()
-    }
-
-    fn len(&self) -> usize {
-        self.dataset.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.dataset.intrinsics()
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        self.dataset.depth_unit_metres()
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.dataset.sequence(index)
+impl Layer for Sensed {
+    fn below(&self) -> &dyn Dataset {
+        &*self.dataset
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
@@ -138,25 +121,9 @@ impl Dataset for Sensed {
         })
     }
 
-    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
-        self.dataset.moment(index)
-    }
-
-    fn clean_frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.dataset.clean_frame(index)
-    }
-
     fn simulated(&self) -> Option<String> {
         let before = self.dataset.simulated().map(|words| words + ", ");
         let before = before.unwrap_or_default();
         Some(format!("{before}sensor {} with seed {}", self.preset.name, self.seed))
-    }
-
-    fn skipped(&self) -> &[String] {
-        self.dataset.skipped()
-    }
-
-    fn truth(&self) -> Option<&dyn Truth> {
-        self.dataset.truth()
     }
 }

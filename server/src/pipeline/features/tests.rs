@@ -48,7 +48,8 @@ fn corners_are_matched_after_a_step_aside_in_another_exposure() {
     let aside = Features::detect(&wall(1.5, 0.3, 1.8, 0));
     let (count, share) = right(&here, &aside, 0.3);
     println!("{count} matches, {share:.2} right");
-    assert!(count > 30 && share > 0.8, "{count} {share}");
+    // Measured 156 and 1.00.
+    assert!(count > 100 && share > 0.95, "{count} {share}");
     let (_, wrong) = right(&here, &aside, 0.1);
     assert!(wrong < 0.2, "another motion does not explain them: {wrong}");
 }
@@ -60,6 +61,7 @@ fn another_place_does_not_match() {
     let other = Features::detect(&wall(1.5, 0.0, 1.0, 77));
     let (same, other) = (here.similarity(&same), here.similarity(&other));
     println!("{same} {other}");
+    // Measured 83 and 27: the patches of all walls have the same corners.
     assert!(same > 2 * other + 10, "{same} {other}");
 }
 

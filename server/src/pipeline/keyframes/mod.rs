@@ -20,7 +20,6 @@ use super::features::Features;
 use super::frame::TrackedFrame;
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
-use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 /// All keyframes of a map, oldest first.
@@ -123,26 +122,21 @@ impl KeyframeStore {
         std::iter::once(newest).chain(older.iter().filter(overlaps)).take(count).collect()
     }
 
-    /// The `count` keyframes that share most features with an image, best first.
+    /// The `count` keyframes that share most features with an image, best first; none that shares none.
     pub fn most_alike(&self, features: &Features, count: usize) -> Vec<&Keyframe> {
-        let mut scored: Vec<(usize, &Keyframe)> = self
-            .keyframes
-            .iter()
-            .map(|keyframe| (features.similarity(&keyframe.features), keyframe))
-            .collect();
-        scored.sort_by_key(|(similarity, _)| Reverse(*similarity));
-        scored.into_iter().take(count).map(|(_, keyframe)| keyframe).collect()
+        self.best(count, |keyframe| features.similarity(&keyframe.features) as f32)
     }
 
     /// The `count` keyframes that look most like an image, best first. Alignment decides whether one of
     /// them shows the same place.
     pub fn most_similar(&self, thumbnail: &Thumbnail, count: usize) -> Vec<&Keyframe> {
-        let mut scored: Vec<(f32, &Keyframe)> = self
-            .keyframes
-            .iter()
-            .map(|keyframe| (keyframe.thumbnail.similarity(thumbnail), keyframe))
-            .filter(|(similarity, _)| *similarity > 0.0)
-            .collect();
+        self.best(count, |keyframe| keyframe.thumbnail.similarity(thumbnail))
+    }
+
+    /// The `count` keyframes with the highest scores above 0, best first.
+    fn best(&self, count: usize, score: impl Fn(&Keyframe) -> f32) -> Vec<&Keyframe> {
+        let scored = self.keyframes.iter().map(|keyframe| (score(keyframe), keyframe));
+        let mut scored: Vec<(f32, &Keyframe)> = scored.filter(|(score, _)| *score > 0.0).collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         scored.into_iter().take(count).map(|(_, keyframe)| keyframe).collect()
     }

@@ -56,11 +56,12 @@ pub struct TrackerConfig {
     pub convincing_disagreement: f64,
     /// or this times the share that tracked frames usually leave unexplained, whichever is more.
     pub convincing_factor: f64,
-    /// Most share of the pixels that may contradict the reference if a pose is to be believed,
+    /// Most share of the pixels that may contradict the reference if a pose is to be believed. Of a pose that
+    /// two starts confirm, it is the most share that may contradict it in depth, whatever its colors.
     pub max_disagreement: f64,
-    /// or this times the usual share, whichever is more.
+    /// A pose is also believed with this times the usual share.
     pub max_factor: f64,
-    /// The same if another start ended at the same pose, and one of the two started from features.
+    /// Most share if two starts end at one pose and one of them is from features.
     pub confirmed_disagreement: f64,
     /// Number of similar keyframes that a lost frame is aligned with; 0: only with the last pose.
     pub relocalise_keyframes: usize,

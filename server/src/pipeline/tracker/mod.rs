@@ -4,13 +4,16 @@
 //!
 //! A given pose is taken as it is. Otherwise the frame is aligned coarse to fine, photometrically and point
 //! to plane, with the newest keyframe and the oldest ones in view. It starts from the pose that constant
-//! velocity predicts, or from the robot's own estimate. If keyframes show too little of the view, the map is
-//! rendered as the reference, and if that fails the last frame is. The map can also join the keyframes
-//! (`map_weight`). By default it does not: a young map is blurred and its depth is off by a few
-//! centimetres, which makes poses worse (measured).
+//! velocity predicts, or from the robot's own estimate. The map can also join the keyframes (`map_weight`). By
+//! default it does not: a young map is blurred and its depth is off by a few centimetres, which makes poses
+//! worse (measured).
 //!
-//! A lost frame is not mapped and does not change the velocity. It is aligned with the keyframes that look
-//! most like it. The tracker never changes the map.
+//! A [`Judge`] decides from the pixels that contradict a pose whether it is convincing. If it is not, further
+//! starts are tried: from features shared with keyframes; then from the last frame, the rendered map, the last
+//! pose, and keyframes that look alike. The best believable pose is taken.
+//!
+//! A frame without such a pose is lost. It is not mapped and does not change the velocity. The tracker never
+//! changes the map. If the map is young and nothing can be tracked in it, it asks for a new beginning.
 
 mod candidate;
 mod config;
@@ -56,7 +59,7 @@ pub(super) struct Tracker {
     state: TrackingState,
     judge: Judge,
     young: YoungMap,
-    /// Share of the newest frame's pixels that are usable; 0 if its pose was given.
+    /// Share of the newest frame's pixels that are usable; 0 if the map is not young.
     usable: f64,
 }
 
@@ -163,7 +166,7 @@ impl Tracker {
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let image = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
-        self.usable = usable_share(&image);
+        self.usable = if self.young.is_kept() { 0.0 } else { usable_share(&image) };
         if is_blank(&image) {
             return Ok(None);
         }
@@ -174,8 +177,9 @@ impl Tracker {
         let Some(mut aligner) = self.aligner.take() else { return Ok(None) };
         aligner.upload(&image, frame.sequence)?;
         let found = if scene.gaussians.is_empty() {
+            // A frame that is held out adds nothing to a map, so none can begin with it.
             let hint = frame.hint.as_ref().map(|hint| hint.world_from_camera);
-            Some(PoseCandidate::given(hint.unwrap_or_default()))
+            (!frame.held_out).then(|| PoseCandidate::given(hint.unwrap_or_default()))
         } else if self.config.method == TrackerMethod::Photometric {
             let (gpu, config) = (&self.gpu, &self.config.photometric);
             let start = self.motion.last().unwrap_or_default();

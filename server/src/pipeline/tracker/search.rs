@@ -67,7 +67,7 @@ impl<'a> Search<'a> {
         }
         self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
         let is_better = |best: &PoseCandidate| quality.agreement > best.quality.agreement;
-        if self.best.as_ref().is_none_or(is_better) {
+        if is_confirmed || self.best.as_ref().is_none_or(is_better) {
             let jumped = matches!(origin, Origin::Features | Origin::Far);
             self.best = Some(PoseCandidate { jumped, ..found });
         }
@@ -142,6 +142,8 @@ mod tests {
         );
         let two = [(Prediction, 0.87, 1.0), (Features, 0.9, 2.0)];
         assert_eq!(found(&two), (Some(2.0), false), "the better of two");
+        let confirmed = [(Prediction, 0.87, 1.0), (Features, 0.8, 2.0), (Features, 0.8, 2.0)];
+        assert_eq!(found(&confirmed), (Some(2.0), true), "two are worth more than a better one");
     }
 
     #[test]

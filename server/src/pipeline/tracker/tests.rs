@@ -60,20 +60,22 @@ fn behind() -> Isometry3<f64> {
 struct Robot {
     sender: StreamGuard,
     next: u64,
+    /// Whether its frames are held out.
+    held_out: bool,
 }
 
 impl Robot {
     fn new(map: &str) -> Self {
         let map = engine().open(map).unwrap();
-        Self { sender: map.claim(CAMERA).unwrap(), next: 0 }
+        Self { sender: map.claim(CAMERA).unwrap(), next: 0, held_out: false }
     }
 
     /// Goes, and comes back with another stream.
     fn again(self) -> Self {
-        let Self { sender, next } = self;
+        let Self { sender, next, held_out } = self;
         let map = sender.map().clone();
         drop(sender);
-        Self { sender: map.claim(CAMERA).unwrap(), next }
+        Self { sender: map.claim(CAMERA).unwrap(), next, held_out }
     }
 
     fn map(&self) -> &Arc<Map> {
@@ -96,7 +98,7 @@ impl Robot {
             world_from_camera: None,
             hint: hint.map(Box::new),
             labels: None,
-            held_out: false,
+            held_out: self.held_out,
         };
         self.map().submit(frame).await.unwrap().await.unwrap()
     }
@@ -360,10 +362,32 @@ async fn a_large_step_is_never_tracked_wrongly() {
             let outcome = robot.look(&wanted).await;
             if outcome.world_from_camera.is_some() {
                 worst = worst.max(error(&outcome, &wanted));
+                let beside = pose(f64::from(at * stride) + 1.0);
+                assert!(error(&outcome, &beside) > 2.0 * CLOSE, "a frame beside is another place");
                 found += 1;
             }
         }
         println!("every {stride}th frame: worst {worst:.5}, {found} of 8 found");
         assert!(worst < 2.0 * CLOSE && found >= least, "{stride}: {worst}, {found} found");
     }
+}
+
+/// A held-out frame adds nothing to a map. If it began one, the frame after it would begin it again, at the
+/// same pose.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_does_not_begin_with_a_held_out_frame() {
+    let mut robot = Robot { held_out: true, ..Robot::new("tracker-held-out") };
+    for at in 0..2 {
+        let outcome = robot.look(&pose(f64::from(at))).await;
+        assert_eq!(outcome.tracking, TrackingState::Lost, "{at}");
+    }
+    robot.held_out = false;
+    let first = robot.look(&pose(2.0)).await;
+    assert!(error(&first, &Isometry3::identity()) < 1e-9, "here the map begins");
+    let second = robot.look(&pose(3.0)).await;
+    let wanted = pose(2.0).inverse() * pose(3.0);
+    assert!(error(&second, &wanted) < CLOSE && error(&second, &Isometry3::identity()) > CLOSE);
+    robot.held_out = true;
+    let third = robot.look(&pose(4.0)).await;
+    assert!(error(&third, &(pose(2.0).inverse() * pose(4.0))) < CLOSE, "later ones are tracked");
 }

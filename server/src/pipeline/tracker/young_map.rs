@@ -21,6 +21,8 @@ pub(super) struct YoungMap {
     stray: Option<(Frame, f64)>,
     /// Share of the first frame's pixels that are usable.
     first: f64,
+    /// Whether the map is no longer young: it has enough frames, its poses were given, or another stream
+    /// goes on with it.
     is_kept: bool,
 }
 
@@ -55,12 +57,78 @@ impl YoungMap {
         self.stray.take().map(|(frame, _)| frame)
     }
 
-    /// A frame was lost. Returns whether it is kept.
+    /// Whether the map is no longer young.
+    pub fn is_kept(&self) -> bool {
+        self.is_kept
+    }
+
+    /// A frame was lost. Returns whether it is kept; one that is held out cannot begin a map.
     pub fn lost(&mut self, frame: &Frame, usable: f64) -> bool {
         self.lost += 1;
-        if !self.is_kept {
+        let may_begin = !self.is_kept && !frame.held_out;
+        if may_begin {
             self.stray = Some((frame.clone(), usable));
         }
-        !self.is_kept
+        may_begin
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::frame::Intrinsics;
+    use super::*;
+
+    fn frame(held_out: bool) -> Frame {
+        Frame {
+            sequence: 0,
+            timestamp_nanos: 0,
+            intrinsics: Intrinsics { width: 1, height: 1, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 },
+            rgb: [0; 3].into(),
+            depth_metres: [1.0].into(),
+            world_from_camera: None,
+            hint: None,
+            labels: None,
+            held_out,
+        }
+    }
+
+    /// A map with this many tracked frames, then as many lost ones as given, all with their usable shares.
+    fn begins_anew(tracked: &[f64], lost: &[f64]) -> bool {
+        let mut young = YoungMap::default();
+        tracked.iter().for_each(|usable| young.tracked(true, *usable));
+        lost.iter().for_each(|usable| {
+            young.lost(&frame(false), *usable);
+        });
+        young.may_begin_anew()
+    }
+
+    #[test]
+    fn a_map_begins_anew_when_as_many_frames_are_lost_as_were_tracked() {
+        assert!(begins_anew(&[0.5], &[0.9]));
+        assert!(!begins_anew(&[0.5], &[]), "nothing is lost");
+        assert!(!begins_anew(&[0.5; 3], &[0.9; 2]), "most were tracked");
+        assert!(begins_anew(&[0.5; 3], &[0.9; 3]));
+        assert!(!begins_anew(&[0.5; 11], &[0.9; 50]), "it is no longer young");
+        assert!(!begins_anew(&[0.9], &[0.5]), "the first frame shows more");
+        assert!(begins_anew(&[0.9], &[0.5; 11]), "nothing better comes");
+    }
+
+    #[test]
+    fn what_is_not_in_doubt_is_not_given_up() {
+        let mut given = YoungMap::default();
+        given.tracked(false, 0.0);
+        assert!(!given.lost(&frame(false), 1.0) && !given.may_begin_anew(), "a given pose");
+        let mut resumed = YoungMap::default();
+        (0..2).for_each(|_| resumed.tracked(true, 1.0));
+        resumed.resume();
+        (0..2).for_each(|_| assert!(!resumed.lost(&frame(false), 1.0)));
+        assert!(!resumed.may_begin_anew(), "another stream's map");
+        let mut held_out = YoungMap::default();
+        held_out.tracked(true, 1.0);
+        assert!(!held_out.lost(&frame(true), 1.0) && !held_out.may_begin_anew(), "held out");
+        assert!(
+            held_out.lost(&frame(false), 1.0) && held_out.may_begin_anew(),
+            "and another is not"
+        );
     }
 }
