@@ -301,7 +301,7 @@ fn widened(narrow: &AlignSettings) -> AlignSettings {
 }
 
 /// Translation in metres and rotation in radians between two poses.
-fn distance(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (f64, f64) {
+pub(super) fn distance(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (f64, f64) {
     let motion = from.inverse() * to;
     (motion.translation.vector.norm(), motion.rotation.angle())
 }

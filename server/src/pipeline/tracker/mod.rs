@@ -8,7 +8,7 @@
 //! default it does not: a young map is blurred and its depth is off by a few centimetres, which makes poses
 //! worse (measured).
 //!
-//! A [`Judge`] decides from the pixels that contradict a pose whether it is convincing. If it is not, further
+//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If it is not, further
 //! starts are tried: from features shared with keyframes; then from the last frame, the rendered map, the last
 //! pose, and keyframes that look alike. The best believable pose is taken.
 //!
@@ -204,7 +204,8 @@ impl Tracker {
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
-        let mut search = Search::new(&self.config, &self.judge, frame.sequence);
+        let expected = self.expected(frame);
+        let mut search = Search::new(&self.config, &self.judge, frame.sequence, expected);
         self.search_near(&mut search, aligner, frame, image, scene)?;
         if !search.is_done() {
             self.search_by_features(&mut search, aligner, image, scene)?;
@@ -232,8 +233,7 @@ impl Tracker {
         // While lost, a hint is a guess.
         let origin = if is_lost { Origin::Guess } else { Origin::Prediction };
         let hint = frame.hint.as_ref().and_then(|hint| InitialPose::from_hint(hint, self.exposure));
-        let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
-        let predicted = predicted.filter(|_| !is_lost).map(|pose| self.start(pose, false));
+        let predicted = self.expected(frame).map(|pose| self.start(pose, false));
         for start in hint.iter().chain(&predicted) {
             let keyframes = self.references(scene, image, start);
             search.add(origin, aligner.align_with_map(scene, start, &keyframes)?);
@@ -285,9 +285,7 @@ impl Tracker {
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
     ) -> Result<(), GpuError> {
-        let is_lost = self.state == TrackingState::Lost;
-        let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
-        if let Some(start) = predicted.filter(|_| !is_lost).map(|pose| self.start(pose, false)) {
+        if let Some(start) = self.expected(frame).map(|pose| self.start(pose, false)) {
             if let Some(found) = aligner.align_with_last(&start)? {
                 search.add(Origin::Prediction, found);
             }
@@ -314,6 +312,12 @@ impl Tracker {
             search.add(Origin::Far, aligner.align_with_map(scene, &start, &references)?);
         }
         Ok(())
+    }
+
+    /// Where the camera is expected; `None` while it is lost.
+    fn expected(&self, frame: &Frame) -> Option<Isometry3<f64>> {
+        let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
+        predicted.filter(|_| self.state != TrackingState::Lost)
     }
 
     fn start(&self, world_from_camera: Isometry3<f64>, is_wide: bool) -> InitialPose {

@@ -6,7 +6,9 @@
 
 use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
+use super::frame_aligner::distance;
 use super::judge::Judge;
+use nalgebra::Isometry3;
 
 /// Two poses nearer than this are the same, metres,
 const SAME_METRES: f64 = 0.01;
@@ -31,6 +33,8 @@ pub(super) struct Search<'a> {
     config: &'a TrackerConfig,
     judge: &'a Judge,
     sequence: u64,
+    /// Where the camera is expected; `None` while it is lost.
+    expected: Option<Isometry3<f64>>,
     /// Results that another one may confirm.
     results: Vec<(Origin, PoseCandidate)>,
     best: Option<PoseCandidate>,
@@ -38,8 +42,14 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub fn new(config: &'a TrackerConfig, judge: &'a Judge, sequence: u64) -> Self {
-        Self { config, judge, sequence, results: Vec::new(), best: None, is_done: false }
+    pub fn new(
+        config: &'a TrackerConfig,
+        judge: &'a Judge,
+        sequence: u64,
+        expected: Option<Isometry3<f64>>,
+    ) -> Self {
+        let results = Vec::new();
+        Self { config, judge, sequence, expected, results, best: None, is_done: false }
     }
 
     /// Adds the result of an alignment.
@@ -68,7 +78,11 @@ impl<'a> Search<'a> {
         self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
         let is_better = |best: &PoseCandidate| quality.agreement > best.quality.agreement;
         if is_confirmed || self.best.as_ref().is_none_or(is_better) {
-            let jumped = matches!(origin, Origin::Features | Origin::Far);
+            let is_elsewhere = !self.expected.is_some_and(|expected| {
+                let (metres, radians) = distance(&expected, &found.world_from_camera);
+                metres <= config.rerender_metres && radians <= config.rerender_radians
+            });
+            let jumped = matches!(origin, Origin::Features | Origin::Far) && is_elsewhere;
             self.best = Some(PoseCandidate { jumped, ..found });
         }
     }
@@ -90,15 +104,14 @@ impl<'a> Search<'a> {
 }
 
 fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
-    let off = a.world_from_camera.inverse() * b.world_from_camera;
-    off.translation.vector.norm() < SAME_METRES && off.rotation.angle() < SAME_RADIANS
+    let (metres, radians) = distance(&a.world_from_camera, &b.world_from_camera);
+    metres < SAME_METRES && radians < SAME_RADIANS
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::pipeline::tracker::quality::AlignmentQuality;
-    use nalgebra::Isometry3;
 
     fn result(agreement: f64, x: f64) -> PoseCandidate {
         let depth_agreement = agreement;
@@ -110,7 +123,7 @@ mod tests {
     /// The x of the pose that is found, and whether the search is done.
     fn found(results: &[(Origin, f64, f64)]) -> (Option<f64>, bool) {
         let (config, judge) = (TrackerConfig::default(), Judge::default());
-        let mut search = Search::new(&config, &judge, 0);
+        let mut search = Search::new(&config, &judge, 0, None);
         for (origin, agreement, x) in results {
             search.add(*origin, result(*agreement, *x));
         }
@@ -157,7 +170,7 @@ mod tests {
                 ..AlignmentQuality::PERFECT
             };
             let result = PoseCandidate { quality, ..PoseCandidate::given(Isometry3::identity()) };
-            let mut search = Search::new(&config, &judge, 0);
+            let mut search = Search::new(&config, &judge, 0, None);
             search.add(Origin::Features, result);
             assert!(!search.has_found(), "alone it is not believed");
             search.add(Origin::Features, result);
@@ -165,5 +178,19 @@ mod tests {
         };
         assert!(found(0.99));
         assert!(!found(0.7), "the surfaces differ too");
+    }
+
+    #[test]
+    fn features_that_lead_to_the_expected_place_are_no_jump() {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let jumped = |expected: Option<f64>| {
+            let expected = expected.map(|x| Isometry3::translation(x, 0.0, 0.0));
+            let mut search = Search::new(&config, &judge, 0, expected);
+            search.add(Origin::Features, result(0.99, 1.0));
+            search.best().map(|best| best.jumped)
+        };
+        assert_eq!(jumped(Some(0.99)), Some(false));
+        assert_eq!(jumped(Some(0.5)), Some(true), "it was expected elsewhere");
+        assert_eq!(jumped(None), Some(true), "it was lost");
     }
 }
