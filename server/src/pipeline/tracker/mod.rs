@@ -8,9 +8,9 @@
 //! default it does not: a young map is blurred and its depth is off by a few centimetres, which makes poses
 //! worse (measured).
 //!
-//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If it is not, further
-//! starts are tried: from features shared with keyframes; then from the last frame, the rendered map, the last
-//! pose, and keyframes that look alike. The best believable pose is taken.
+//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If it is
+//! not, further starts are tried: from features shared with keyframes; then from the last frame, the rendered
+//! map, the last pose, and keyframes that look alike. The best believable pose is taken.
 //!
 //! A frame without such a pose is lost. It is not mapped and does not change the velocity. The tracker never
 //! changes the map. If the map is young and nothing can be tracked in it, it asks for a new beginning.

@@ -76,9 +76,7 @@ impl AlignmentQuality {
 
     /// Good enough for a pose that started from a guess.
     pub fn is_relocalised(&self, config: &TrackerConfig) -> bool {
-        self.is_tracked(config)
-            && self.surface >= config.relocalise_surface
-            && self.intensity >= config.relocalise_intensity
+        self.is_tracked(config) && self.intensity >= config.relocalise_intensity
     }
 }
 
