@@ -79,18 +79,57 @@ impl DownsampledFrame {
         frame.intrinsics.width / factor(frame, max_columns) as u32
     }
 
+    /// Color of a pixel, RGB from 0 to 1.
+    pub fn color(&self, pixel: usize) -> [f32; 3] {
+        std::array::from_fn(|channel| f32::from(self.rgb[pixel * 3 + channel]) / 255.0)
+    }
+
+    /// The point in the world that was measured at a pixel; `None` where nothing was.
+    pub fn point(&self, pixel: usize) -> Option<Point3<f32>> {
+        let width = self.camera.width as usize;
+        let depth = self.depth_metres[pixel];
+        let (u, v) = ((pixel % width) as f32, (pixel / width) as f32);
+        (depth > 0.0).then(|| self.camera.unproject(u, v, depth))
+    }
+
     /// Whether a point in the world lies on the surface that was measured at its pixel.
     pub fn shows(&self, point: &Point3<f32>) -> bool {
-        let Some((u, v, z)) = self.camera.project(point) else { return false };
+        self.place_of(point).is_some()
+    }
+
+    /// The color of a point in the world, RGB from 0 to 1, between the pixels around it; `None` if the image
+    /// does not show the point.
+    pub fn color_at(&self, point: &Point3<f32>) -> Option<[f32; 3]> {
+        let [u, v] = self.place_of(point)?;
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let taps = |at: f32, size: usize| {
+            let at = at.clamp(0.0, (size - 1) as f32);
+            let low = at as usize;
+            (low, (low + 1).min(size - 1), at - low as f32)
+        };
+        let (left, right, x) = taps(u, width);
+        let (upper, lower, y) = taps(v, height);
+        let row = |row: usize| {
+            let (a, b) = (self.color(row * width + left), self.color(row * width + right));
+            [0, 1, 2].map(|channel| a[channel] + (b[channel] - a[channel]) * x)
+        };
+        let (a, b) = (row(upper), row(lower));
+        Some([0, 1, 2].map(|channel| a[channel] + (b[channel] - a[channel]) * y))
+    }
+
+    /// Where the image shows a point in the world, pixels; `None` if the point does not lie on the surface
+    /// that was measured there.
+    fn place_of(&self, point: &Point3<f32>) -> Option<[f32; 2]> {
+        let (u, v, z) = self.camera.project(point)?;
         let (column, row) = (u.round(), v.round());
         let (width, height) = (self.camera.width as f32, self.camera.height as f32);
         if !(column >= 0.0 && row >= 0.0 && column < width && row < height) {
-            return false;
+            return None;
         }
         let measured =
             self.depth_metres[row as usize * self.camera.width as usize + column as usize];
         // A hole has depth 0, so no point in front of the camera passes.
-        (z - measured).abs() <= ON_SURFACE * measured
+        ((z - measured).abs() <= ON_SURFACE * measured).then_some([u, v])
     }
 
     /// Changes the camera's pose.
@@ -171,6 +210,19 @@ mod tests {
         assert!(!at(9.0, 2.0, 3.0) && !at(4.0, -1.0, 3.0), "beside");
         assert!(!at(0.0, 0.0, 3.0), "a hole");
         assert!(!small.shows(&Point3::new(0.0, 0.0, -3.0)), "behind the camera");
+    }
+
+    #[test]
+    fn a_color_is_read_between_pixels() {
+        let small = DownsampledFrame::new(&frame(8, 4), &Isometry3::identity(), 8);
+        let red =
+            |u| small.color_at(&small.camera.unproject(u, 2.0, 3.0)).map(|rgb| rgb[0] * 255.0);
+        assert!((red(4.0).expect("shown") - 4.0).abs() < 1e-3);
+        assert!((red(4.25).expect("shown") - 4.25).abs() < 1e-3);
+        assert!(red(9.0).is_none(), "beside the picture");
+        assert_eq!(small.point(0), None, "a hole");
+        let point = small.point(12).expect("measured");
+        assert!((point - small.camera.unproject(4.0, 1.0, 3.0)).norm() < 1e-6);
     }
 
     #[test]

@@ -23,9 +23,8 @@ impl InsertionHistory<'_> {
         if self.keyframes.len() < self.limit {
             return false;
         }
-        let width = image.camera.width as usize;
+        let Some(point) = image.point(pixel) else { return false };
         let depth = image.depth_metres[pixel];
-        let point = image.camera.unproject((pixel % width) as f32, (pixel / width) as f32, depth);
         let is_near = |keyframe: &&&DownsampledFrame| {
             depth_of(&point, &keyframe.camera.camera_from_world) <= MAX_DISTANCE_FACTOR * depth
         };

@@ -3,11 +3,12 @@
 //! In: a keyframe and the map rendered from its pose. Out: Gaussians appended to the map, one for each cell
 //! of a quadtree over the image. Cells are large where the image is flat. Existing Gaussians are not moved.
 //!
-//! Where keyframes of a real camera disagree about surfaces that the map has (`agreement.rs`), detail of one
-//! of them is not repeated by the others. Such a keyframe adds larger Gaussians, at fewer visits.
+//! Where keyframes of a real camera disagree about the same surfaces (`disagreement.rs`), detail of one of
+//! them is not repeated by the others. Such a keyframe adds larger Gaussians, at fewer visits.
 
-mod agreement;
+mod disagreement;
 mod disks;
+mod gain;
 mod history;
 mod quadtree;
 
@@ -16,15 +17,20 @@ use super::super::downsampled_frame::DownsampledFrame;
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
 use super::config::MapperConfig;
-use agreement::{Agreement, color_error, on_surface};
+use disagreement::disagreement;
 use disks::new_gaussians;
+use gain::on_surface;
 use history::InsertionHistory;
 use lexsplat_gpu::{ColorImage, GpuError, Trainer};
 use quadtree::{Cell, Subdivision, quadtree};
 use std::borrow::Cow;
 
-/// In a keyframe that disagrees with the map, the smallest cell is larger by this factor,
+/// In a keyframe that disagrees with others, the smallest cell is larger by this factor;
 const ROUGH_SIDE: usize = 2;
+/// if the disagreement is more than this many times the limit,
+const VERY_ROUGH: f32 = 2.0;
+/// it is larger by this factor;
+const VERY_ROUGH_SIDE: usize = 4;
 /// a cell may have a color range of this many times the disagreement,
 const ROUGH_DETAIL: f32 = 8.0;
 /// a place gets corrections from this share of the visits,
@@ -53,9 +59,10 @@ pub(in super::super) fn insert(
         image = Cow::Owned(backdrop::filled(&image, backdrop_metres));
     }
     let backdrop_metres = if has_backdrop { backdrop_metres } else { f32::INFINITY };
-    let agreement = Agreement::new(&image, &rendered, backdrop_metres, config.insert_depth_error);
-    image = agreement.in_map_colors(image);
-    let disagreement = agreement.disagreement(&image);
+    let gains = gain::gains(&image, &rendered, backdrop_metres, config.insert_depth_error);
+    image = gain::apply(image, gains);
+    let earlier = live.keyframes.iter().map(|keyframe| &keyframe.training);
+    let disagreement = disagreement(&keyframe.training, earlier);
     tracing::debug!(sequence = keyframe.frame.sequence, disagreement, "inserting");
     let is_rough = disagreement > config.insert_disagreement;
     let visits = if is_rough { ROUGH_VISITS } else { 1 };
@@ -88,7 +95,7 @@ struct View<'a> {
     history: &'a InsertionHistory<'a>,
     /// Depths from here on belong to the backdrop; infinite without one.
     backdrop_metres: f32,
-    /// How much the keyframe disagrees with the map, if that is too much to repeat its detail.
+    /// How much the keyframe disagrees with others, if that is too much to repeat its detail.
     rough: Option<f32>,
 }
 
@@ -101,7 +108,9 @@ impl View<'_> {
         let (max_side, mut min_side) = (max_side as usize, min_side as usize);
         let mut max_color_range = config.insert_detail;
         if let Some(disagreement) = self.rough {
-            min_side = max_side.min(min_side * ROUGH_SIDE);
+            let is_very_rough = disagreement > VERY_ROUGH * config.insert_disagreement;
+            min_side *= if is_very_rough { VERY_ROUGH_SIDE } else { ROUGH_SIDE };
+            min_side = min_side.min(max_side);
             max_color_range = max_color_range.max(ROUGH_DETAIL * disagreement);
         }
         let subdivision = Subdivision {
@@ -153,6 +162,23 @@ impl View<'_> {
         let columns = around(pixel % width, width);
         rows.flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
+}
+
+/// Mean absolute difference of the channels between a pixel that was seen and one that the map shows, 0 to 1.
+fn color_error(image: &DownsampledFrame, rendered: &ColorImage, seen: usize, shown: usize) -> f32 {
+    let shown = &rendered.rgb[shown * 3..shown * 3 + 3];
+    let errors = shown.iter().zip(image.color(seen)).map(|(shown, seen)| (shown - seen).abs());
+    errors.sum::<f32>() / 3.0
+}
+
+/// The value that this share of the values is below; `None` if there are none.
+fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
+    let at = (values.len() as f32 * share) as usize;
+    if at >= values.len() {
+        return None;
+    }
+    let (_, value, _) = values.select_nth_unstable_by(at, f32::total_cmp);
+    value.is_finite().then_some(*value)
 }
 
 #[cfg(test)]
