@@ -50,6 +50,9 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-server --bench query
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
+soak: deps ## Long proofs: whole walks of the rooms in ../shared/data, simulated sensors (half an hour)
+	cargo test --workspace --test service -- --ignored --nocapture
+
 fuzz: deps .deps/fuzz/bin/cargo-fuzz ## Run each fuzz target for FUZZ_SECONDS (60)
 	@cd gpu && for target in $$(ls fuzz/fuzz_targets | sed 's/\.rs$$//'); do \
 	  mkdir -p fuzz/corpus/$$target && \
@@ -68,4 +71,4 @@ training-test: .venv/export ## Tests of the scripts that export networks (instal
 	.venv/bin/pip install --quiet -r $<
 	@touch $@
 
-.PHONY: help deps demo test lint format lengths bench fuzz training-test
+.PHONY: help deps demo test lint format lengths bench soak fuzz training-test

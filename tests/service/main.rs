@@ -16,3 +16,4 @@ mod memory;
 mod outside;
 mod shutdown;
 mod tracking;
+mod wide_steps;
