@@ -281,8 +281,8 @@ structs! {
         rows: u32 => "u32",
         /// Rows of gradients per Gaussian; those of the parameters are the first.
         stride: u32 => "u32",
-        /// Fills the struct to 48 bytes.
-        unused: u32 => "u32",
+        /// Upper limit of the first three values of an odd row.
+        odd_at_most: f32 => "f32",
     }
     /// For pruning.
     PruneArguments {

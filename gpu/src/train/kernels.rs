@@ -8,7 +8,7 @@ use crate::pass::{HeadPass, Renderer};
 use crate::primitives::reduce::{Reduce, ReduceScratch, Summands};
 use crate::shader::Recorder;
 use crate::shader::layout::Row;
-use crate::train::adam::{Adam, HeadRates, LearningRates, ParameterGradients, SeenGaussians};
+use crate::train::adam::{Adam, LearningRates, ParameterGradients, RowRates, SeenGaussians};
 use crate::train::loss::{Loss, LossBuffers, ScaleLoss};
 use crate::train::step::{
     COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
@@ -209,15 +209,15 @@ impl StepKernels {
         let tied = self.ties.rows();
         let free = tied.map(|row| row.map(|tied| 1.0 - tied));
         if color {
-            self.update_head(recorder, step, HeadKind::Color, &rates.color, [[1.0; 4]; 2]);
+            self.update_head(recorder, step, HeadKind::Color, rates, [[1.0; 4]; 2]);
         }
         if language {
-            self.update_head(recorder, step, HeadKind::Language, &rates.language, free);
+            self.update_head(recorder, step, HeadKind::Language, rates, free);
         }
         if language && !color && !self.ties.is_none() {
             // The color head has no gradient of its own in this step: the tied parameters follow
             // the gradient of the language head.
-            let tied_rates = scaled(rates.color.geometry(), tied);
+            let tied_rates = rates.geometry(HeadKind::Color, tied);
             let gradients = self.geometry_gradients(step, HeadKind::Language);
             self.adam.update(recorder, &step.map.arrays.color.geometry, tied_rates, gradients);
         }
@@ -226,7 +226,12 @@ impl StepKernels {
             let rows = (&pass.backward_buffers().gradients.moves, MOVE_ROWS);
             let gradients =
                 ParameterGradients { ranks, rows, corrections: &scratch.corrections, count };
-            self.adam.update(recorder, &step.map.arrays.means, [[rates.mean; 4]; 2], gradients);
+            self.adam.update(
+                recorder,
+                &step.map.arrays.means,
+                RowRates::all(rates.mean),
+                gradients,
+            );
         }
         if !self.ties.is_none() {
             let head = if color { HeadKind::Color } else { HeadKind::Language };
@@ -245,7 +250,7 @@ impl StepKernels {
         recorder: &mut Recorder<'_>,
         step: StepContext<'_>,
         head: HeadKind,
-        rates: &HeadRates,
+        rates: &LearningRates,
         share: [Row; 2],
     ) {
         let (pass, scratch) = self.head(step.renderer, head);
@@ -258,10 +263,15 @@ impl StepKernels {
             SeenGaussians { ranks, sums: (&gradients.sums, gradients.sum_rows), counts, count };
         self.adam.advance(recorder, seen, &arrays.steps, corrections);
         let geometry = self.geometry_gradients(step, head);
-        self.adam.update(recorder, &arrays.geometry, scaled(rates.geometry(), share), geometry);
+        self.adam.update(recorder, &arrays.geometry, rates.geometry(head, share), geometry);
         let rows = (&gradients.features, arrays.features.rows);
         let features = ParameterGradients { ranks, rows, corrections, count };
-        self.adam.update(recorder, &arrays.features, [[rates.feature; 4]; 2], features);
+        self.adam.update(
+            recorder,
+            &arrays.features,
+            RowRates::all(rates.head(head).feature),
+            features,
+        );
     }
 
     fn geometry_gradients<'a>(
@@ -301,8 +311,4 @@ fn hit_counts(step: StepContext<'_>) -> [&HeadPass; 2] {
     let language = step.job.language.as_ref().map(|_| step.renderer.head(HeadKind::Language));
     let either = color.or(language).expect("a step has a target");
     [color.unwrap_or(either), language.unwrap_or(either)]
-}
-
-fn scaled(rates: [Row; 2], share: [Row; 2]) -> [Row; 2] {
-    std::array::from_fn(|row| std::array::from_fn(|i| rates[row][i] * share[row][i]))
 }

@@ -6,7 +6,7 @@ use crate::oracle;
 use lexsplat_gpu::pass::order::Ranks;
 use lexsplat_gpu::primitives::sort::Sort;
 use lexsplat_gpu::shader::layout::HitCount;
-use lexsplat_gpu::train::adam::{Adam, ParameterGradients, SeenGaussians};
+use lexsplat_gpu::train::adam::{Adam, ParameterGradients, RowRates, SeenGaussians};
 use lexsplat_gpu::train::loss::{Loss, LossBuffers, ScaleLoss};
 use lexsplat_gpu::{Buffer, ColorTarget, LossWeights, Parameters, Recorder};
 use rand::{Rng, SeedableRng};
@@ -150,6 +150,8 @@ fn adam_matches_the_oracle() {
         count,
     };
     let rates = [[0.1, 0.2, 0.3, 0.4], [0.01; 4]];
+    let [even, odd] = rates;
+    let row_rates = RowRates { even, odd, odd_at_most: f32::MAX };
     let is_seen = |step: usize, gaussian: usize| !(step + gaussian).is_multiple_of(3);
     let mut wanted: Vec<_> = values
         .iter()
@@ -169,7 +171,7 @@ fn adam_matches_the_oracle() {
         gradient.write(&gpu, 0, &poisoned);
         let mut recorder = Recorder::new(&gpu).expect("fits");
         adam.advance(&mut recorder, seen, &steps, &corrections);
-        adam.update(&mut recorder, &parameters, rates, moves);
+        adam.update(&mut recorder, &parameters, row_rates, moves);
         recorder.submit();
         for gaussian in (0..count).filter(|gaussian| is_seen(step, *gaussian)) {
             taken[gaussian] += 1;
@@ -217,5 +219,33 @@ fn an_overflowed_list_stops_adam() {
         recorder.submit();
         assert_eq!(steps.read(&gpu, 1).expect("reads"), [moves]);
         assert_eq!(corrections.read(&gpu, 1).expect("reads")[0][0] > 0.0, moves == 1);
+    }
+}
+
+#[test]
+fn scales_stay_below_their_limit() {
+    let gpu = support::gpu();
+    let adam = Adam::new(&gpu).expect("compiles");
+    let rows = |row: [f32; 4]| Buffer::from_slice(&gpu, "rows", &[row, row]).expect("fits");
+    let corrections = Buffer::from_slice(&gpu, "corrections", &[[1.0f32, 1.0]]).expect("fits");
+    let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), 1).expect("fits");
+    let gradient = rows([-1.0; 4]);
+    // A step from 0 with a rate of 0.1, without bias correction: 0.1 (1 - b1) / sqrt(1 - b2).
+    let free = 0.01 / 0.001f32.sqrt();
+    for (odd_at_most, scale) in [(0.05, 0.05), (f32::MAX, free)] {
+        let (values, first, second) = (rows([0.0; 4]), rows([0.0; 4]), rows([0.0; 4]));
+        let parameters = Parameters { values, first, second, rows: 2 };
+        let rates = RowRates { even: [0.1; 4], odd: [0.1; 4], odd_at_most };
+        let rows = (&gradient, 2);
+        let gradients =
+            ParameterGradients { ranks: &ranks, rows, corrections: &corrections, count: 1 };
+        let mut recorder = Recorder::new(&gpu).expect("fits");
+        adam.update(&mut recorder, &parameters, rates, gradients);
+        recorder.submit();
+        let found = parameters.values.read(&gpu, 2).expect("reads");
+        for (found, wanted) in found.iter().zip([[free; 4], [scale, scale, scale, free]]) {
+            let off = found.iter().zip(wanted).map(|(found, wanted)| (found - wanted).abs());
+            assert!(off.fold(0.0, f32::max) < 1e-5, "{found:?} {wanted:?}");
+        }
     }
 }

@@ -8,10 +8,11 @@
 //!
 //! t is counted per Gaussian and head. A Gaussian outside the view keeps its value and moments and
 //! costs no work. A gradient that is not finite changes nothing. If a list of the step overflowed,
-//! nothing changes at all, so that the step can be repeated.
+//! nothing changes at all, so that the step can be repeated. Standard deviations have an upper limit,
+//! because steps do not shrink with the gradient: what hides a Gaussian does not stop its growth.
 
 use crate::device::{Buffer, Gpu, GpuError};
-use crate::map::Parameters;
+use crate::map::{HeadKind, Parameters};
 use crate::pass::order::Ranks;
 use crate::shader::layout::{AdamArguments, ArrayArguments, HitCount, Row};
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
@@ -38,6 +39,26 @@ pub struct LearningRates {
     pub color: HeadRates,
     /// Of the language head.
     pub language: HeadRates,
+    /// Largest standard deviation that a step leaves, metres. Infinite: no limit.
+    pub max_scale_metres: f32,
+}
+
+/// Learning rates of the rows of a parameter, and their limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowRates {
+    /// Of an even row.
+    pub even: Row,
+    /// Of an odd row.
+    pub odd: Row,
+    /// The first three values of an odd row are at most this after a step.
+    pub odd_at_most: f32,
+}
+
+impl RowRates {
+    /// The same rate for all, without a limit.
+    pub fn all(rate: f32) -> Self {
+        Self { even: [rate; 4], odd: [rate; 4], odd_at_most: f32::MAX }
+    }
 }
 
 impl Default for LearningRates {
@@ -53,15 +74,26 @@ impl Default for LearningRates {
                 opacity: 0.05,
                 feature: 2.5e-3,
             },
+            max_scale_metres: f32::INFINITY,
         }
     }
 }
 
-impl HeadRates {
-    /// Rates of the two rows of a head's geometry.
-    pub(crate) fn geometry(&self) -> [Row; 2] {
-        let s = self.log_scale;
-        [[self.rotation; 4], [s, s, s, self.opacity]]
+impl LearningRates {
+    pub(crate) fn head(&self, head: HeadKind) -> &HeadRates {
+        match head {
+            HeadKind::Color => &self.color,
+            HeadKind::Language => &self.language,
+        }
+    }
+
+    /// Rates of the two rows of a head's geometry, multiplied by `share`.
+    pub(crate) fn geometry(&self, head: HeadKind, share: [Row; 2]) -> RowRates {
+        let HeadRates { rotation, log_scale, opacity, .. } = *self.head(head);
+        let rows = [[rotation; 4], [log_scale, log_scale, log_scale, opacity]];
+        let [even, odd] =
+            std::array::from_fn(|row| std::array::from_fn(|i| rows[row][i] * share[row][i]));
+        RowRates { even, odd, odd_at_most: self.max_scale_metres.ln().min(f32::MAX) }
     }
 }
 
@@ -148,22 +180,23 @@ impl Adam {
         seen.ranks.run(recorder, &self.advance, &arguments, &buffers);
     }
 
-    /// Moves the parameters; `rates` are those of even and odd rows.
+    /// Moves the parameters.
     pub fn update(
         &self,
         recorder: &mut Recorder<'_>,
         parameters: &Parameters,
-        [even, odd]: [Row; 2],
+        rates: RowRates,
         gradients: ParameterGradients<'_>,
     ) {
         let (rows, stride) = gradients.rows;
+        let RowRates { even, odd, odd_at_most } = rates;
         let arguments = AdamArguments {
             even,
             odd,
             count: gradients.count as u32,
             rows: parameters.rows as u32,
             stride: stride as u32,
-            unused: 0,
+            odd_at_most,
         };
         let Parameters { values, first, second, .. } = parameters;
         let gaussians = &gradients.ranks.gaussian_from_visible;

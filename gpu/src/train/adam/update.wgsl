@@ -19,11 +19,15 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     for (var part = 0u; part < arguments.rows; part++) {
         let row = gaussian * arguments.rows + part;
         let gradient = gradients[index * arguments.stride + part];
-        let rates = select(arguments.even, arguments.odd, vec4<bool>(part % 2u == 1u));
+        let is_odd = part % 2u == 1u;
+        let rates = select(arguments.even, arguments.odd, vec4<bool>(is_odd));
         let m = BETA_FIRST * first[row] + (1.0 - BETA_FIRST) * gradient;
         let v = BETA_SECOND * second[row] + (1.0 - BETA_SECOND) * gradient * gradient;
-        let moved = values[row]
+        var moved = values[row]
             - rates * m * correction.x / (sqrt(v * correction.y) + vec4<f32>(EPSILON));
+        if is_odd {
+            moved = vec4<f32>(min(moved.xyz, vec3<f32>(arguments.odd_at_most)), moved.w);
+        }
         let sound = (abs(gradient) < vec4<f32>(MAX_GRADIENT)) & (abs(moved) < vec4<f32>(HUGE));
         first[row] = select(first[row], m, sound);
         second[row] = select(second[row], v, sound);

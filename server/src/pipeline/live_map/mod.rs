@@ -34,6 +34,8 @@ pub(super) struct LiveMap {
     pub sorted_len: usize,
     /// The largest depth that a keyframe measured, metres.
     pub farthest_metres: f32,
+    /// The largest standard deviation with which a Gaussian was inserted, metres.
+    pub largest_scale_metres: f32,
     /// Revision of the newest snapshot.
     pub revision: u64,
 }
@@ -50,6 +52,7 @@ impl LiveMap {
             rng: ChaCha8Rng::seed_from_u64(SEED),
             sorted_len: 0,
             farthest_metres: 0.0,
+            largest_scale_metres: 0.0,
             revision: 0,
         }
     }
@@ -62,6 +65,7 @@ impl LiveMap {
         self.steps = steps;
         self.sorted_len = 0;
         self.farthest_metres = 0.0;
+        self.largest_scale_metres = 0.0;
     }
 
     /// Whether optimiser steps are due and there is something to optimise.

@@ -10,6 +10,9 @@ use rand::Rng;
 use rand::seq::IteratorRandom as _;
 use std::cmp::Reverse;
 
+/// No Gaussian grows beyond this many times the largest one that was inserted.
+const MAX_GROWTH: f32 = 2.0;
+
 /// Takes one step from the map's budget. Returns whether the map changed: it does not while no keyframe has
 /// what the step is to optimise.
 ///
@@ -31,7 +34,8 @@ pub(in super::super) fn step(
     if let Some(language) = keyframe.language.as_mut().filter(|_| kind.language) {
         language.refresh_target(gpu, live.online.as_ref())?;
     }
-    let rates = learning_rates(config, live.steps.learning_rate_decay());
+    let max_scale_metres = MAX_GROWTH * live.largest_scale_metres;
+    let rates = learning_rates(config, live.steps.learning_rate_decay(), max_scale_metres);
     let view = training_view(keyframe, kind);
     trainer.step(&mut live.gaussians, &view, &loss_weights(config), &rates)?;
     if kind.color && pose_refinement::applies(&live.keyframes, at, tracker_config) {
@@ -84,7 +88,7 @@ fn loss_weights(config: &MapperConfig) -> LossWeights {
 }
 
 /// `decay` multiplies the rates of means and of the color head; language keeps its full rates.
-fn learning_rates(config: &MapperConfig, decay: f32) -> LearningRates {
+fn learning_rates(config: &MapperConfig, decay: f32, max_scale_metres: f32) -> LearningRates {
     let rates = &config.rates;
     LearningRates {
         mean: rates.mean * decay,
@@ -100,5 +104,6 @@ fn learning_rates(config: &MapperConfig, decay: f32) -> LearningRates {
             opacity: rates.language_opacity,
             feature: rates.code,
         },
+        max_scale_metres,
     }
 }

@@ -63,7 +63,7 @@ mod tests {
     /// A wall with vertical stripes, seen from `pixels` further to the right than its pose says, and `gain`
     /// times as bright.
     fn striped(pixels: usize, gain: f32) -> DownsampledFrame {
-        let bright = |at: usize| if (at / 3 + pixels) % 16 / 2 % 2 == 0 { 200.0 } else { 100.0 };
+        let bright = |at: usize| if (at / 3 + pixels) % 4 < 2 { 200.0 } else { 100.0 };
         let rgb = (0..16 * 16 * 3).map(|at| (bright(at) * gain) as u8).collect();
         DownsampledFrame { rgb, ..wall(16) }
     }

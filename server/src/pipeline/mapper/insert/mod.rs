@@ -84,7 +84,10 @@ pub(in super::super) fn insert(
         cells.truncate(room);
     }
     let code_size = live.online.code_size();
-    live.gaussians.append(&new_gaussians(&image, &cells, view.backdrop_metres, code_size))
+    let new = new_gaussians(&image, &cells, view.backdrop_metres, code_size);
+    let scales = new.color.log_scales.as_flattened().iter().map(|scale| scale.exp());
+    live.largest_scale_metres = scales.fold(live.largest_scale_metres, f32::max);
+    live.gaussians.append(&new)
 }
 
 /// A keyframe beside what the map shows from its pose.
