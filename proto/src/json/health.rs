@@ -14,4 +14,7 @@ pub struct Health {
     pub bundle: String,
     /// Version of the server.
     pub version: String,
+    /// What is wrong with recordings of maps; left out if nothing is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
 }

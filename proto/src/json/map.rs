@@ -48,6 +48,9 @@ pub struct Status {
     /// Why the map takes no more frames, if it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
+    /// What is wrong with the recording that the map was rebuilt from; absent if nothing is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording_damage: Option<String>,
 }
 
 /// All maps, sorted by name.

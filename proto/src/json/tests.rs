@@ -135,6 +135,7 @@ fn maps_and_keyframes() {
         queue_capacity: 13,
         settled: true,
         failure: None,
+        recording_damage: None,
     };
     let json = concat!(
         r#"{"name":"room","revision":1,"frames_received":2,"frames_tracked":3,"frames_lost":4,"#,
@@ -185,6 +186,7 @@ fn health_and_problems() {
         adapter: "a".into(),
         bundle: "tiny".into(),
         version: "1".into(),
+        warnings: Vec::new(),
     };
     let json = r#"{"status":"ready","adapter":"a","bundle":"tiny","version":"1"}"#;
     assert_json(&health, json);

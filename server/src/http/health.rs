@@ -10,22 +10,24 @@ use axum::response::IntoResponse;
 use lexsplat_proto::json::{self, Health};
 use std::fmt::Write as _;
 
-fn health(state: &State, status: &str) -> Json<Health> {
+fn health(state: &State, status: &str, warnings: Vec<String>) -> Json<Health> {
     Json(Health {
         status: status.into(),
         adapter: state.engine().adapter().into(),
         bundle: state.engine().bundle().into(),
         version: env!("CARGO_PKG_VERSION").into(),
+        warnings,
     })
 }
 
 /// Whether the process runs.
 #[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, body = Health)))]
 pub(super) async fn healthz(state: State) -> Json<Health> {
-    health(&state, "alive")
+    health(&state, "alive", Vec::new())
 }
 
-/// Whether the server takes requests: not while it rebuilds maps from their logs or stops.
+/// Whether the server takes requests: not while it rebuilds maps from their recordings or
+/// stops. Warnings tell of damaged recordings.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
     responses(
@@ -38,9 +40,11 @@ pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
         return Err(Problem::unavailable("the server is stopping"));
     }
     if !*state.ready.borrow() {
-        return Err(Problem::unavailable("maps are being rebuilt from their logs: try again"));
+        return Err(Problem::unavailable(
+            "maps are being rebuilt from their recordings: try again",
+        ));
     }
-    Ok(health(&state, "ready"))
+    Ok(health(&state, "ready", state.maps.warnings()))
 }
 
 /// Metrics as Prometheus text.

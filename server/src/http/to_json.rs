@@ -27,6 +27,7 @@ pub(super) fn status(status: MapStatus) -> json::Status {
         queue_capacity: status.queue_capacity,
         settled: status.settled,
         failure: status.failure,
+        recording_damage: status.recording_damage,
     }
 }
 

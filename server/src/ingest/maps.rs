@@ -42,6 +42,7 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
         queue_depth: u32::try_from(status.queue_depth).unwrap_or(u32::MAX),
         settled: status.settled,
         failure: status.failure.unwrap_or_default(),
+        recording_damage: status.recording_damage.unwrap_or_default(),
     }
 }
 

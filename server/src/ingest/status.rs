@@ -64,7 +64,12 @@ pub(super) fn refused(refusal: &Refusal) -> Status {
 pub(super) fn of_maps(error: &MapsError, field: &str) -> Status {
     match error {
         MapsError::Map(error) => of_map(error, field),
-        MapsError::Store(_) | MapsError::Panicked => Status::internal(error.to_string()),
+        MapsError::Store(error) => {
+            tracing::error!(error = error as &dyn std::error::Error, "the store failed");
+            let reason = error.reason();
+            Status::internal(format!("the server cannot write to its data directory: {reason}"))
+        }
+        MapsError::Panicked => Status::internal(error.to_string()),
     }
 }
 

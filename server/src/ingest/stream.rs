@@ -1,7 +1,7 @@
 //! One `StreamFrames` call: frames in, acknowledgements out, in the same order.
 //!
 //! Two tasks serve a stream. The reader takes a message, checks and decodes it on a blocking
-//! thread, writes it to the map's log and gives it to the mapper. The acknowledger waits for the
+//! thread, records it and gives it to the mapper. The acknowledger waits for the
 //! outcome of each frame and sends the acknowledgement. The queues between the tasks are bounded:
 //! when the mapper's queue is full, or the sender does not read its acknowledgements, the reader
 //! stops reading, and HTTP/2 flow control makes the sender wait.
@@ -12,7 +12,6 @@ use crate::check::{self, Opening, Refusal};
 use crate::maps::Recording;
 use crate::pipeline::frame::{FrameOutcome, TrackingState};
 use crate::pipeline::map::Map;
-use crate::store::{Log, StoreError};
 use crate::telemetry::{DECODE_SECONDS, FRAME_SECONDS, REFUSED, STREAMS};
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, frame_message::Message};
 use nalgebra::Isometry3;
@@ -61,14 +60,14 @@ async fn converse(
     let (pending, waiting) = mpsc::channel(context.config.ack_backlog);
     let acknowledger = Acknowledger {
         map: recording.map().clone(),
-        log: recording.log().cloned(),
+        is_recorded: recording.is_recorded(),
         ack_timeout: Duration::from_secs(context.config.ack_seconds),
     };
     let acknowledging = tokio::spawn(acknowledger.run(waiting, acks.clone()));
     let newest = recording.map().received_through();
     let mut reader = Reader { recording, opening, newest, pending };
     let read = reader.run(&context, inbound).await;
-    reader.flush_log().await;
+    reader.recording.finish().await;
     // Frees the map for another sender and lets the acknowledger finish its queue.
     drop(reader);
     let acknowledged = acknowledging.await.map_err(|_| Status::internal("a stream panicked"))?;
@@ -163,22 +162,18 @@ impl Reader {
             Ok(frame) => frame,
             Err(refusal) => return Ok(self.refuse(sequence, refusal)),
         };
-        if let Some(log) = self.recording.log() {
-            log.append(wire).await.map_err(|error| Status::internal(error.to_string()))?;
-        }
+        self.recording.record(wire).await.map_err(|error| {
+            tracing::error!(%error, sequence, "a frame cannot be recorded");
+            let reason = error.reason();
+            Status::unavailable(format!(
+                "frame {sequence} is not in the map, because it cannot be recorded: {reason}"
+            ))
+        })?;
         self.newest = Some(sequence);
         let since = Instant::now();
         let map = self.recording.map();
         let outcome = map.submit(frame).await.map_err(|error| status::of_map(&error, "map"))?;
         Ok(Pending::Accepted { sequence, since, outcome })
-    }
-
-    /// Waits until the log has every accepted frame: the map's next sender reads it.
-    async fn flush_log(&self) {
-        if let (Some(log), Some(newest)) = (self.recording.log(), self.newest) {
-            // A log that failed writes nothing more.
-            let _ = log.durable(newest).await;
-        }
     }
 
     fn refuse(&self, sequence: u64, refusal: Refusal) -> Pending {
@@ -194,7 +189,8 @@ impl Reader {
 
 struct Acknowledger {
     map: Arc<Map>,
-    log: Option<Arc<Log>>,
+    /// Whether every frame that the map received is on disk.
+    is_recorded: bool,
     /// How long the sender may take to read an acknowledgement.
     ack_timeout: Duration,
 }
@@ -231,14 +227,11 @@ impl Acknowledger {
             Pending::Accepted { sequence, since, outcome } => {
                 let outcome = outcome.await.map_err(|_| self.mapper_gone(sequence))?;
                 metrics::histogram!(FRAME_SECONDS).record(since.elapsed());
-                if let Some(log) = &self.log {
-                    let failed = |error: StoreError| Status::internal(error.to_string());
-                    log.durable(sequence).await.map_err(failed)?;
-                }
                 outcome_ack(&outcome)
             }
         };
-        ack.durable_through = self.log.as_ref().and_then(|log| log.durable_through());
+        // Frames are recorded before the map gets them.
+        ack.durable_through = self.map.received_through().filter(|_| self.is_recorded);
         let (depth, capacity) = self.map.queue();
         ack.queue_depth = u32::try_from(depth).unwrap_or(u32::MAX);
         ack.queue_capacity = u32::try_from(capacity).unwrap_or(u32::MAX);

@@ -1,7 +1,7 @@
-//! Maps together with the logs that record their frames.
+//! Maps together with the recordings of their frames.
 //!
-//! gRPC and HTTP create, open and delete maps here, so that a map and its log stay in step, and the
-//! server rebuilds all maps from their logs here when it starts.
+//! gRPC and HTTP create, open and delete maps here, so that a map and its recording stay in step, and
+//! the server rebuilds all maps from their recordings here when it starts.
 
 mod error;
 mod recorded;

@@ -1,30 +1,38 @@
-//! Rebuilding the maps from their logs when the server starts.
+//! Rebuilding the maps from their recordings when the server starts.
 
 use super::recorded::RecordedMaps;
 use crate::check::{self, Limits, Opening};
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::StreamGuard;
-use crate::store::{Records, StoreError};
+use crate::store::{Damage, Entry, Records, StoreError};
 use lexsplat_proto::v1::{self, frame_message::Message};
 
-/// Sends the frames of every log through the same checks and the same mapper as when they arrived.
+/// Sends the frames of every recording through the same checks and the same mapper as when they arrived.
 ///
-/// A map that cannot be rebuilt is skipped with an error in the server's log; its file stays as it
-/// is.
+/// A map that cannot be rebuilt is skipped, with an error in the server's log; its recording stays as it is,
+/// and the map takes no frames. Damage is reported, and frames behind it are used.
 ///
 /// # Errors
 /// [`StoreError`] if the data directory cannot be listed.
 pub(crate) async fn replay(maps: &RecordedMaps, limits: &Limits) -> Result<(), StoreError> {
-    for log in maps.store().logs()? {
-        let map = &*log.map;
+    for map in maps.store().maps()? {
+        let map = &*map;
         let mut replay = Replay { engine: maps.engine(), limits, sender: None, frames: 0 };
-        let replayed = match log.records() {
+        let replayed = match maps.store().records(map) {
             Ok(records) => replay.run(map, records).await,
             Err(error) => Err(error.to_string()),
         };
         match replayed {
-            Ok(()) => tracing::info!(map, frames = replay.frames, "rebuilt a map from its log"),
-            Err(reason) => tracing::error!(map, reason, "cannot rebuild a map from its log"),
+            Ok(()) => {
+                tracing::info!(map, frames = replay.frames, "rebuilt a map from its recording");
+                if let (Some(words), Ok(map)) = (maps.damage(map), maps.get(map)) {
+                    map.note_damage(words);
+                }
+            }
+            Err(reason) => {
+                tracing::error!(map, reason, "cannot rebuild a map from its recording");
+                maps.note_not_rebuilt(map, reason);
+            }
         }
     }
     Ok(())
@@ -33,7 +41,7 @@ pub(crate) async fn replay(maps: &RecordedMaps, limits: &Limits) -> Result<(), S
 struct Replay<'a> {
     engine: &'a Engine,
     limits: &'a Limits,
-    /// Set by the log's first record.
+    /// Set by the recording's first message.
     sender: Option<(StreamGuard, Opening)>,
     /// Frames sent to the mapper.
     frames: u64,
@@ -44,12 +52,16 @@ impl Replay<'_> {
         loop {
             let (message, rest) = tokio::task::spawn_blocking(move || (records.next(), records))
                 .await
-                .map_err(|_| "reading the log panicked".to_owned())?;
+                .map_err(|_| "reading the recording panicked".to_owned())?;
             records = rest;
             match message.map_err(|error| error.to_string())? {
                 None => return Ok(()),
-                Some(Message::Open(open)) => self.open(map, &open)?,
-                Some(Message::Frame(frame)) => self.frame(frame).await?,
+                Some(Entry::Message(Message::Open(open))) => self.open(map, &open)?,
+                Some(Entry::Message(Message::Frame(frame))) => self.frame(frame).await?,
+                Some(Entry::Damage(Damage { path, from_byte, to_byte })) => {
+                    let file = path.display();
+                    tracing::error!(map, %file, from_byte, to_byte, "a recording is damaged");
+                }
             }
         }
     }
@@ -66,7 +78,7 @@ impl Replay<'_> {
 
     async fn frame(&mut self, wire: v1::Frame) -> Result<(), String> {
         let (guard, opening) =
-            self.sender.as_ref().ok_or("the first record is not an opening message")?;
+            self.sender.as_ref().ok_or("the first message is not an opening message")?;
         let (opening, limits) = (opening.clone(), *self.limits);
         let newest = guard.map().received_through();
         let checked =

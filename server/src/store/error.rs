@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Why frames cannot be recorded or read back.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum StoreError {
     /// A file operation failed.
     #[error("cannot {action} {path}: {reason}")]
@@ -14,13 +14,36 @@ pub enum StoreError {
         path: PathBuf,
         reason: Arc<std::io::Error>,
     },
-    /// The log's thread ended because an earlier write failed.
-    #[error("an earlier write to the log {path} failed: {reason}")]
-    Failed { path: PathBuf, reason: String },
+    /// Another server uses the directory.
+    #[error(
+        "the data directory {path} is used by another server ({owner}): stop that server, or choose \
+         another directory"
+    )]
+    InUse { path: PathBuf, owner: String },
+    /// An MCAP file cannot be written.
+    #[error("cannot write to the recording {path}: {reason}")]
+    Mcap { path: PathBuf, reason: Arc<mcap::McapError> },
+    /// The recording's thread ended.
+    #[error("the recording {path} was closed")]
+    Closed { path: PathBuf },
 }
 
 impl StoreError {
+    /// The reason alone, without a path of the server.
+    pub(crate) fn reason(&self) -> String {
+        match self {
+            Self::Io { reason, .. } => reason.to_string(),
+            Self::Mcap { reason, .. } => reason.to_string(),
+            Self::InUse { .. } => "another server uses the data directory".into(),
+            Self::Closed { .. } => "the recording was closed".into(),
+        }
+    }
+
     pub(super) fn io(action: &'static str, path: &Path, reason: std::io::Error) -> Self {
         Self::Io { action, path: path.to_owned(), reason: Arc::new(reason) }
+    }
+
+    pub(super) fn mcap(path: &Path, reason: mcap::McapError) -> Self {
+        Self::Mcap { path: path.to_owned(), reason: Arc::new(reason) }
     }
 }

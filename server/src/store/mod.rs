@@ -1,117 +1,96 @@
-//! Logs of accepted frames, so that maps survive a crash or a restart of the server.
+//! Recordings of accepted frames, so that maps survive a crash or a restart of the server.
 //!
-//! In: opening messages and accepted frames, as they came over the wire. Out: one append-only file
-//! for each map, `NAME.log`, in the data directory. Without a data directory nothing is recorded.
+//! In: opening messages and accepted frames, as they came over the wire. Out: [MCAP](https://mcap.dev) files,
+//! which robotics tools open, in a folder for each map in the data directory. Without a data directory
+//! nothing is recorded.
 //!
-//! A record is 4 bytes of length, 8 bytes of checksum (the start of the payload's SHA-256) and a
-//! `FrameMessage`; length and checksum are little-endian. One thread for each open log appends all
-//! waiting frames and makes them durable with one `fsync` (group commit). A record that was only
-//! partly written is cut off when the log is opened again.
+//! Each frame is a chunk with a checksum, and on disk before it is mapped or acknowledged. What a crash left
+//! of a frame is cut off. Any other damage is reported, what is whole is used, and the file is set aside.
 
+mod directory;
 mod error;
-mod log;
-mod record;
+mod messages;
+mod reader;
+mod recording;
+mod writer;
 
 pub(crate) use error::StoreError;
-pub(crate) use log::Log;
-pub(crate) use record::Records;
+pub(crate) use reader::{Damage, Entry};
+pub(crate) use recording::{Recorder, Records};
 
+use directory::Directory;
 use lexsplat_proto::v1;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Extension of log files.
-const EXTENSION: &str = "log";
-
-/// The data directory with the logs. Cheap to clone.
+/// The data directory with the recordings. Cheap to clone.
 #[derive(Clone, Default)]
 pub(crate) struct Store {
     /// `None`: nothing is recorded.
-    root: Option<Arc<PathBuf>>,
-}
-
-/// The log of a map, not opened.
-pub(crate) struct LogFile {
-    pub(crate) map: String,
-    path: PathBuf,
+    directory: Option<Arc<Directory>>,
 }
 
 impl Store {
     /// A store in `directory`, which is created if needed; with `None` nothing is recorded.
     ///
     /// # Errors
-    /// [`StoreError::Io`].
+    /// [`StoreError::InUse`] if another server uses it, [`StoreError::Io`].
     pub(crate) fn open(directory: Option<&Path>) -> Result<Self, StoreError> {
-        let Some(directory) = directory else { return Ok(Self::default()) };
-        std::fs::create_dir_all(directory)
-            .map_err(|reason| StoreError::io("create the data directory", directory, reason))?;
-        Ok(Self { root: Some(Arc::new(directory.to_owned())) })
+        let directory = directory.map(Directory::open).transpose()?;
+        Ok(Self { directory: directory.map(Arc::new) })
     }
 
-    /// Opens the log of the map that `open` names; `None` if nothing is recorded.
+    /// A recorder for the map that `open` names; `None` if nothing is recorded.
     ///
     /// Only the map's one sender may call this.
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub(crate) async fn log(&self, open: &v1::OpenMap) -> Result<Option<Arc<Log>>, StoreError> {
-        let Some(root) = &self.root else { return Ok(None) };
-        let path = log_path(root, &open.map);
-        let open = open.clone();
-        let log = tokio::task::spawn_blocking(move || Log::open(path, open))
-            .await
-            .expect("opening a log does not panic")?;
-        Ok(Some(Arc::new(log)))
+    pub(crate) async fn record(&self, open: &v1::OpenMap) -> Result<Option<Recorder>, StoreError> {
+        let Some(directory) = &self.directory else { return Ok(None) };
+        let (folder, open) = (directory.map(&open.map), open.clone());
+        let made = tokio::task::spawn_blocking(move || Recorder::new(folder, open)).await;
+        made.expect("making a folder does not panic").map(Some)
     }
 
-    /// Removes the map's log, if there is one.
+    /// Removes the map's recording, if there is one.
     ///
     /// # Errors
     /// [`StoreError::Io`].
     pub(crate) async fn forget(&self, map: &str) -> Result<(), StoreError> {
-        let Some(root) = &self.root else { return Ok(()) };
-        let path = log_path(root, map);
-        match tokio::fs::remove_file(&path).await {
-            Err(reason) if reason.kind() != std::io::ErrorKind::NotFound => {
-                Err(StoreError::io("remove", &path, reason))
-            }
-            _ => Ok(()),
-        }
+        let Some(directory) = self.directory.clone() else { return Ok(()) };
+        let map = map.to_owned();
+        let removed = tokio::task::spawn_blocking(move || directory.remove(&map)).await;
+        removed.expect("removing a folder does not panic")
     }
 
-    /// All logs, sorted by the names of their maps.
+    /// The names of all maps with a recording, sorted.
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub(crate) fn logs(&self) -> Result<Vec<LogFile>, StoreError> {
-        let Some(root) = &self.root else { return Ok(Vec::new()) };
-        let failed = |reason| StoreError::io("list", root, reason);
-        let mut logs = Vec::new();
-        for entry in std::fs::read_dir(root.as_path()).map_err(failed)? {
-            let path = entry.map_err(failed)?.path();
-            if path.extension().is_some_and(|extension| extension == EXTENSION) {
-                let map = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
-                logs.extend(map.map(|map| LogFile { map, path }));
-            }
-        }
-        logs.sort_by(|a, b| a.map.cmp(&b.map));
-        Ok(logs)
+    pub(crate) fn maps(&self) -> Result<Vec<String>, StoreError> {
+        self.directory.as_ref().map_or(Ok(Vec::new()), |directory| directory.maps())
     }
-}
 
-impl LogFile {
-    /// Opens the log for reading, after cutting off a record that was only partly written.
+    /// Reads a map's recording.
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub(crate) fn records(&self) -> Result<Records, StoreError> {
-        record::cut_torn_tail(&self.path)?;
-        Records::open(&self.path)
+    pub(crate) fn records(&self, map: &str) -> Result<Records, StoreError> {
+        let folder = self.directory.as_ref().map(|directory| directory.map(map));
+        Records::open(folder.unwrap_or_default())
+    }
+
+    /// Files of a map's recording that were damaged and set aside.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn damaged(&self, map: &str) -> Result<Vec<PathBuf>, StoreError> {
+        let Some(directory) = &self.directory else { return Ok(Vec::new()) };
+        let folder = directory.map(map);
+        if folder.is_dir() { recording::damaged(&folder) } else { Ok(Vec::new()) }
     }
 }
 
-/// Path of a map's log. The engine has checked the name: it has no path separators and does not
-/// start with a dot.
-fn log_path(root: &Path, map: &str) -> PathBuf {
-    root.join(format!("{map}.{EXTENSION}"))
-}
+#[cfg(test)]
+mod tests;

@@ -31,6 +31,7 @@ const CONTROL_SLOTS: usize = 16;
 struct Shared {
     tracking: TrackingState,
     failure: Option<String>,
+    recording_damage: Option<String>,
     intrinsics: Option<Intrinsics>,
     received_through: Option<u64>,
     has_stream: bool,
@@ -73,6 +74,7 @@ impl Map {
             shared: Mutex::new(Shared {
                 tracking: TrackingState::Empty,
                 failure: None,
+                recording_damage: None,
                 intrinsics: None,
                 received_through: None,
                 has_stream: false,
@@ -198,6 +200,11 @@ impl Map {
         self.counters.refused.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Notes what is wrong with the recording that the map was rebuilt from.
+    pub fn note_damage(&self, words: String) {
+        self.shared().recording_damage = Some(words);
+    }
+
     /// The current status.
     pub fn status(&self) -> MapStatus {
         let (queue_depth, queue_capacity) = self.queue();
@@ -224,6 +231,7 @@ impl Map {
             queue_capacity,
             settled,
             failure: shared.failure.clone(),
+            recording_damage: shared.recording_damage.clone(),
         }
     }
 

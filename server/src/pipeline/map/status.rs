@@ -40,6 +40,8 @@ pub struct MapStatus {
     pub settled: bool,
     /// Why the map takes no more frames, if so.
     pub failure: Option<String>,
+    /// What is wrong with the recording that the map was rebuilt from, if anything.
+    pub recording_damage: Option<String>,
 }
 
 /// Counters that the map's thread writes and [`MapStatus`] reads.

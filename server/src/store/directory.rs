@@ -1,0 +1,162 @@
+//! The data directory: its lock, and the folders of the maps in it.
+//!
+//! ```text
+//! DATA/lexsplat.lock          held by the one server that uses the directory
+//! DATA/kitchen.map/0001.mcap  the recording of the map "kitchen"; a new file for each stream
+//! ```
+//!
+//! Nothing else in the directory is read or changed. A map is deleted by renaming its folder, which happens
+//! as a whole or not at all; what is left of it is removed then, or at the next start.
+
+use super::error::StoreError;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read as _, Seek as _, Write as _};
+use std::path::{Path, PathBuf};
+
+const LOCK: &str = "lexsplat.lock";
+/// Ending of a map's folder.
+const MAP: &str = ".map";
+/// Ending of the folder of a map that was deleted.
+const DELETED: &str = ".map.deleted";
+
+/// A data directory that this server alone uses, until it is dropped or the process ends.
+pub(super) struct Directory {
+    path: PathBuf,
+    _lock: File,
+}
+
+impl Directory {
+    /// Locks a directory, which is created if needed, and removes what is left of deleted maps.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`] if another server has it, [`StoreError::Io`].
+    pub(super) fn open(path: &Path) -> Result<Self, StoreError> {
+        let io = |action| move |reason| StoreError::io(action, path, reason);
+        std::fs::create_dir_all(path).map_err(io("create the data directory"))?;
+        let lock = locked(path)?;
+        let directory = Self { path: path.to_owned(), _lock: lock };
+        for name in directory.folders(DELETED)? {
+            let folder = path.join(format!("{name}{DELETED}"));
+            std::fs::remove_dir_all(&folder).map_err(io("remove a deleted map from"))?;
+        }
+        Ok(directory)
+    }
+
+    /// The names of all maps that have a folder, sorted.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn maps(&self) -> Result<Vec<String>, StoreError> {
+        self.folders(MAP)
+    }
+
+    /// The folder of a map. Names of maps have no path separators.
+    pub(super) fn map(&self, name: &str) -> PathBuf {
+        self.path.join(format!("{name}{MAP}"))
+    }
+
+    /// Removes the folder of a map, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn remove(&self, name: &str) -> Result<(), StoreError> {
+        let (folder, deleted) = (self.map(name), self.path.join(format!("{name}{DELETED}")));
+        if !folder.exists() {
+            return Ok(());
+        }
+        let removed = std::fs::rename(&folder, &deleted)
+            .and_then(|()| sync_directory(&self.path))
+            .and_then(|()| std::fs::remove_dir_all(&deleted));
+        removed.map_err(|reason| StoreError::io("remove", &folder, reason))
+    }
+
+    /// The stems of all folders with this ending, sorted.
+    fn folders(&self, ending: &str) -> Result<Vec<String>, StoreError> {
+        let failed = |reason| StoreError::io("list", &self.path, reason);
+        let mut stems = Vec::new();
+        for entry in std::fs::read_dir(&self.path).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let name = entry.file_name();
+            let stem = name.to_str().and_then(|name| name.strip_suffix(ending));
+            if let Some(stem) = stem.filter(|stem| !stem.is_empty())
+                && entry.path().is_dir()
+            {
+                stems.push(stem.to_owned());
+            }
+        }
+        stems.sort();
+        Ok(stems)
+    }
+}
+
+/// Takes the lock of a directory and writes into it who has it.
+fn locked(directory: &Path) -> Result<File, StoreError> {
+    let path = directory.join(LOCK);
+    let io = |reason| StoreError::io("lock", &path, reason);
+    let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+    let mut file = open.map_err(io)?;
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => {
+            let mut owner = String::new();
+            file.read_to_string(&mut owner).map_err(io)?;
+            let owner = owner.trim().to_owned();
+            return Err(StoreError::InUse { path: directory.to_owned(), owner });
+        }
+        Err(TryLockError::Error(reason)) => return Err(io(reason)),
+    }
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let written = file
+        .set_len(0)
+        .and_then(|()| file.rewind())
+        .and_then(|()| writeln!(file, "process {} on {}", std::process::id(), host.trim()));
+    written.map_err(io)?;
+    Ok(file)
+}
+
+/// Syncs a directory: without it a new or renamed file may be lost in a crash.
+pub(super) fn sync_directory(path: &Path) -> std::io::Result<()> {
+    File::open(path)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_directory_has_one_owner() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Directory::open(folder.path()).unwrap();
+        let second = Directory::open(folder.path()).map(|_| ()).unwrap_err().to_string();
+        let owner = format!("process {}", std::process::id());
+        assert!(second.contains(&owner) && second.contains("another server"), "{second}");
+        drop(first);
+        assert!(Directory::open(folder.path()).is_ok(), "it is free again");
+    }
+
+    #[test]
+    fn foreign_files_are_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("access.log"), "GET /").unwrap();
+        std::fs::write(path("notes.map"), "a file, not a folder").unwrap();
+        std::fs::create_dir(path("kitchen.map")).unwrap();
+        std::fs::create_dir(path("photos")).unwrap();
+        let directory = Directory::open(folder.path()).unwrap();
+        assert_eq!(directory.maps().unwrap(), ["kitchen"]);
+        directory.remove("kitchen").unwrap();
+        directory.remove("kitchen").unwrap();
+        assert!(directory.maps().unwrap().is_empty() && !path("kitchen.map").exists());
+        assert_eq!(std::fs::read_to_string(path("access.log")).unwrap(), "GET /");
+        assert!(path("photos").exists() && path("notes.map").exists());
+    }
+
+    #[test]
+    fn a_map_that_was_half_removed_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("kitchen.map.deleted")).unwrap();
+        let directory = Directory::open(folder.path()).unwrap();
+        assert!(directory.maps().unwrap().is_empty());
+        assert!(!folder.path().join("kitchen.map.deleted").exists());
+    }
+}

@@ -1,0 +1,211 @@
+//! The recording of one map: the files of its folder, oldest first.
+
+use super::directory::sync_directory;
+use super::error::StoreError;
+use super::reader::{Entry, Reader};
+use super::writer::Writer;
+use lexsplat_proto::v1::{self, frame_message::Message};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Ending of a recording's files.
+const MCAP: &str = ".mcap";
+/// What follows it in the name of a damaged file that was set aside; then seconds since 1970.
+const DAMAGED: &str = ".mcap.damaged-";
+/// Ending of a file that is being repaired.
+const REPAIRED: &str = ".mcap.repaired";
+
+/// Names in a map's folder that end so, sorted. Files of a recording begin with their number.
+fn names(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<Vec<String>, StoreError> {
+    let failed = |reason| StoreError::io("list", folder, reason);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let name = entry.map_err(failed)?.file_name();
+        found.extend(name.to_str().filter(|name| is_wanted(name)).map(str::to_owned));
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// The number in the name of a file.
+fn number(name: &str) -> Option<u32> {
+    name.split('.').next()?.parse().ok()
+}
+
+/// Appends the frames of one stream to a recording. They are in a file of their own, which is made with the
+/// first frame. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct Recorder {
+    folder: Arc<PathBuf>,
+    open: Arc<v1::OpenMap>,
+    /// `None` before the first frame and after an error.
+    writer: Arc<Mutex<Option<Writer>>>,
+}
+
+impl Recorder {
+    /// A recorder in a map's folder, which is created if needed.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn new(folder: PathBuf, open: v1::OpenMap) -> Result<Self, StoreError> {
+        let made = std::fs::create_dir_all(&folder)
+            .and_then(|()| folder.parent().map_or(Ok(()), sync_directory));
+        made.map_err(|reason| StoreError::io("create", &folder, reason))?;
+        let (folder, open) = (Arc::new(folder), Arc::new(open));
+        Ok(Self { folder, open, writer: Arc::default() })
+    }
+
+    /// Appends a frame. It is on disk when this returns. After an error a new file is begun with the next
+    /// frame, so that recording goes on once there is room again.
+    ///
+    /// # Errors
+    /// [`StoreError`]; then the frame is not in the recording.
+    pub(crate) async fn append(&self, frame: v1::Frame) -> Result<(), StoreError> {
+        let this = self.clone();
+        tokio::task::spawn_blocking(move || this.append_now(frame))
+            .await
+            .map_err(|_| StoreError::Closed { path: self.folder.to_path_buf() })?
+    }
+
+    fn append_now(&self, frame: v1::Frame) -> Result<(), StoreError> {
+        let mut writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = match writer.take() {
+            Some(open) => open,
+            None => self.begin()?,
+        };
+        open.append(frame)?;
+        *writer = Some(open);
+        Ok(())
+    }
+
+    /// Creates the next file.
+    fn begin(&self) -> Result<Writer, StoreError> {
+        let used = names(&self.folder, |name| name.contains(MCAP))?;
+        let next = used.iter().filter_map(|name| number(name)).max().map_or(1, |newest| newest + 1);
+        let writer = Writer::create(&self.folder.join(format!("{next:04}{MCAP}")), &self.open)?;
+        sync_directory(&self.folder)
+            .map_err(|reason| StoreError::io("write to", &self.folder, reason))?;
+        Ok(writer)
+    }
+
+    /// Finishes the file. Does nothing if there is none.
+    pub(crate) async fn finish(&self) {
+        let writer = self.writer.clone();
+        let finished = tokio::task::spawn_blocking(move || {
+            let writer = writer.lock().unwrap_or_else(PoisonError::into_inner).take();
+            writer.map_or(Ok(()), Writer::finish)
+        });
+        if let Ok(Err(error)) = finished.await {
+            // All frames are in the file. It is finished at the next start.
+            tracing::warn!(%error, "a recording has no index yet");
+        }
+    }
+}
+
+/// Reads a recording from its beginning.
+pub(crate) struct Records {
+    folder: PathBuf,
+    /// Files that were not begun, newest first.
+    waiting: Vec<String>,
+    current: Option<(String, Reader)>,
+    /// Whether damage was found in the current file.
+    is_damaged: bool,
+}
+
+impl Records {
+    /// Opens the recording in a map's folder.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn open(folder: PathBuf) -> Result<Self, StoreError> {
+        let mut waiting = names(&folder, |name| name.ends_with(MCAP) && number(name).is_some())?;
+        waiting.reverse();
+        Ok(Self { folder, waiting, current: None, is_damaged: false })
+    }
+
+    /// The next message or damage; `None` at the end. A file that is damaged, or was not finished because
+    /// the server was stopped hard, is repaired when it has been read.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn next(&mut self) -> Result<Option<Entry>, StoreError> {
+        loop {
+            if self.current.is_none() {
+                let Some(name) = self.waiting.pop() else { return Ok(None) };
+                let reader = Reader::open(&self.folder.join(&name))?;
+                self.current = Some((name, reader));
+                self.is_damaged = false;
+            }
+            let Some((name, reader)) = &mut self.current else { continue };
+            if let Some(entry) = reader.next()? {
+                self.is_damaged |= matches!(entry, Entry::Damage(_));
+                return Ok(Some(entry));
+            }
+            if self.is_damaged || !reader.is_finished() {
+                repair(&self.folder, name, self.is_damaged)?;
+            }
+            self.current = None;
+        }
+    }
+}
+
+/// Writes a file anew from what can be read of it. A damaged one is set aside; one that only was not finished
+/// is replaced.
+fn repair(folder: &Path, name: &str, is_damaged: bool) -> Result<(), StoreError> {
+    let path = folder.join(name);
+    let stem = name.trim_end_matches(MCAP);
+    let repaired = folder.join(format!("{stem}{REPAIRED}"));
+    let io = |action, path| move |reason| StoreError::io(action, path, reason);
+    if repaired.exists() {
+        std::fs::remove_file(&repaired).map_err(io("remove", &repaired))?;
+    }
+    let has_frames = copy(&path, &repaired)?;
+    if is_damaged {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+        let aside = folder.join(format!("{stem}{DAMAGED}{since}"));
+        std::fs::rename(&path, &aside).map_err(io("set aside", &path))?;
+        tracing::error!(file = %aside.display(), "a recording is damaged: what is whole is used, the file was set aside");
+    } else {
+        tracing::info!(file = %path.display(), "finished a recording that was not closed");
+    }
+    if has_frames {
+        std::fs::rename(&repaired, &path).map_err(io("replace", &path))?;
+    } else if !is_damaged {
+        std::fs::remove_file(&path).map_err(io("remove", &path))?;
+    }
+    sync_directory(folder).map_err(io("write to", folder))
+}
+
+/// Copies what can be read; returns whether there were frames. Without one nothing is written.
+fn copy(from: &Path, to: &Path) -> Result<bool, StoreError> {
+    let mut reader = Reader::open(from)?;
+    let mut writer: Option<Writer> = None;
+    let mut opened = None;
+    while let Some(entry) = reader.next()? {
+        match entry {
+            Entry::Message(Message::Open(open)) => opened = Some(open),
+            Entry::Message(Message::Frame(frame)) => {
+                let Some(open) = &opened else { continue };
+                let mut writing = match writer.take() {
+                    Some(writer) => writer,
+                    None => Writer::create(to, open)?,
+                };
+                writing.append(frame)?;
+                writer = Some(writing);
+            }
+            Entry::Damage(_) => {}
+        }
+    }
+    let has_frames = writer.is_some();
+    writer.map_or(Ok(()), Writer::finish)?;
+    Ok(has_frames)
+}
+
+/// The damaged files that were set aside.
+///
+/// # Errors
+/// [`StoreError::Io`].
+pub(super) fn damaged(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    Ok(names(folder, |name| name.contains(DAMAGED))?.iter().map(|name| folder.join(name)).collect())
+}

@@ -1,0 +1,219 @@
+//! Recordings on a real disk: what is written comes back, also after a crash and after damage.
+
+use super::*;
+use lexsplat_proto::v1::frame_message::Message;
+use std::ops::Range;
+
+const CAMERA: v1::Intrinsics =
+    v1::Intrinsics { width: 4, height: 2, fx: 3.0, fy: 3.0, cx: 1.5, cy: 0.5 };
+
+fn opening() -> v1::OpenMap {
+    let intrinsics = Some(CAMERA);
+    v1::OpenMap {
+        map: "kitchen".into(),
+        intrinsics,
+        depth_unit_metres: 0.001,
+        ..Default::default()
+    }
+}
+
+fn frame(sequence: u64) -> v1::Frame {
+    v1::Frame {
+        sequence,
+        timestamp_nanos: 1 + sequence,
+        color_format: v1::ColorFormat::Jpeg.into(),
+        color: vec![sequence as u8; 3000].into(),
+        depth_format: v1::DepthFormat::U16.into(),
+        depth: vec![7; 16].into(),
+        ..Default::default()
+    }
+}
+
+/// A data directory in a temporary folder.
+struct Data(tempfile::TempDir);
+
+impl Data {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn store(&self) -> Store {
+        Store::open(Some(self.0.path())).unwrap()
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.path().join("kitchen.map").join(name)
+    }
+
+    /// Records frames in one stream; without `finish` as if the process had been killed.
+    async fn record(&self, frames: Range<u64>, finish: bool) {
+        let recorder = self.store().record(&opening()).await.unwrap().unwrap();
+        for sequence in frames {
+            recorder.append(frame(sequence)).await.unwrap();
+        }
+        if finish {
+            recorder.finish().await;
+        } else {
+            // Not dropped, which would write the index.
+            std::mem::forget(recorder);
+        }
+    }
+
+    /// The sequences that can be read, and how many places are damaged.
+    fn read(&self) -> (Vec<u64>, usize) {
+        let mut records = self.store().records("kitchen").unwrap();
+        let (mut sequences, mut damages, mut openings) = (Vec::new(), 0, 0);
+        while let Some(entry) = records.next().unwrap() {
+            match entry {
+                Entry::Message(Message::Open(open)) => {
+                    assert_eq!(open, opening());
+                    openings += 1;
+                }
+                Entry::Message(Message::Frame(found)) => {
+                    assert!(openings > 0, "the opening comes first");
+                    assert_eq!(found, frame(found.sequence));
+                    sequences.push(found.sequence);
+                }
+                Entry::Damage(damage) => {
+                    assert!(damage.from_byte < damage.to_byte);
+                    damages += 1;
+                }
+            }
+        }
+        (sequences, damages)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path().join("kitchen.map")).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+fn all(range: Range<u64>) -> Vec<u64> {
+    range.collect()
+}
+
+#[tokio::test]
+async fn streams_are_read_back_one_after_the_other() {
+    let data = Data::new();
+    data.record(0..3, true).await;
+    data.record(3..3, true).await;
+    data.record(3..5, true).await;
+    assert_eq!(data.names(), ["0001.mcap", "0002.mcap"], "a stream without frames has no file");
+    assert_eq!(data.read(), (all(0..5), 0));
+    assert_eq!(data.names(), ["0001.mcap", "0002.mcap"]);
+    assert!(data.store().damaged("kitchen").unwrap().is_empty());
+    data.store().forget("kitchen").await.unwrap();
+    assert!(data.store().maps().unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn a_recording_that_was_not_closed_is_finished() {
+    let data = Data::new();
+    data.record(0..3, false).await;
+    let cut = std::fs::read(data.file("0001.mcap")).unwrap();
+    assert_eq!(data.read(), (all(0..3), 0));
+    let finished = std::fs::read(data.file("0001.mcap")).unwrap();
+    assert!(finished.len() > cut.len() && finished.ends_with(mcap::MAGIC), "it has an index now");
+    assert_eq!(data.read(), (all(0..3), 0));
+    let summary = mcap::Summary::read(&finished).unwrap().expect("other programs can open it");
+    let topics: Vec<&str> = summary.channels.values().map(|c| c.topic.as_str()).collect();
+    for topic in ["/camera/calibration", "/camera/color", "/camera/depth_raw", "/lexsplat/frame"] {
+        assert!(topics.contains(&topic), "{topic} in {topics:?}");
+    }
+}
+
+/// What a crash can leave at the end: every length that the file had while the last frame was written.
+#[tokio::test]
+async fn only_an_incomplete_frame_is_cut_off() {
+    let data = Data::new();
+    data.record(0..2, false).await;
+    let two = std::fs::read(data.file("0001.mcap")).unwrap();
+    std::fs::remove_file(data.file("0001.mcap")).unwrap();
+    data.record(0..3, false).await;
+    let three = std::fs::read(data.file("0001.mcap")).unwrap();
+    assert_eq!(two, three[..two.len()], "frames are appended");
+    for length in (two.len()..three.len()).step_by(311) {
+        std::fs::write(data.file("0001.mcap"), &three[..length]).unwrap();
+        let (sequences, damages) = data.read();
+        // The index of the last chunk is no part of the frame.
+        let is_whole = sequences.len() == 3;
+        assert_eq!((sequences, damages), (all(0..if is_whole { 3 } else { 2 }), 0), "{length}");
+        assert!(!is_whole || three.len() - length < 200, "{length} of {}", three.len());
+        assert_eq!(data.names(), ["0001.mcap"], "that is no damage");
+    }
+    std::fs::write(data.file("0001.mcap"), &three[..5]).unwrap();
+    assert_eq!(data.read(), (Vec::new(), 0));
+    assert!(data.names().is_empty(), "not even a header was written");
+}
+
+/// One flipped bit costs at most one frame, wherever it is, and is never silent.
+#[tokio::test]
+async fn a_flipped_bit_costs_one_frame_and_is_told() {
+    for finish in [true, false] {
+        let data = Data::new();
+        data.record(0..6, finish).await;
+        let whole = std::fs::read(data.file("0001.mcap")).unwrap();
+        // The index behind the frames is not read.
+        let frames_end = {
+            let read = |length: usize| {
+                std::fs::write(data.file("0001.mcap"), &whole[..length]).unwrap();
+                data.read().0.len()
+            };
+            (0..whole.len()).step_by(400).find(|length| read(*length) == 6).unwrap_or(whole.len())
+        };
+        let mut damaged = 0;
+        for at in (0..frames_end - 200).step_by(frames_end / 25) {
+            let mut flipped = whole.clone();
+            flipped[at] ^= 1 << (at % 8);
+            for name in data.names() {
+                std::fs::remove_file(data.file(&name)).unwrap();
+            }
+            std::fs::write(data.file("0001.mcap"), &flipped).unwrap();
+            let (sequences, damages) = data.read();
+            assert!(sequences.len() >= 5 && sequences.is_sorted(), "{at}: {sequences:?}");
+            if damages == 0 {
+                assert_eq!(sequences, all(0..6), "{at}: lost in silence");
+                continue;
+            }
+            damaged += 1;
+            assert_eq!(data.store().damaged("kitchen").unwrap().len(), 1, "{at}");
+            let aside = data.store().damaged("kitchen").unwrap().remove(0);
+            assert_eq!(std::fs::read(aside).unwrap(), flipped, "it is kept as it is");
+            assert_eq!(data.read(), (sequences, 0), "{at}: what is whole was written anew");
+        }
+        assert!(damaged > 10, "{damaged}");
+    }
+}
+
+#[tokio::test]
+async fn recording_goes_on_after_an_error_in_a_new_file() {
+    let data = Data::new();
+    let store = data.store();
+    let recorder = store.record(&opening()).await.unwrap().unwrap();
+    recorder.append(frame(0)).await.unwrap();
+    let folder = data.0.path().join("kitchen.map");
+    let away = data.0.path().join("away");
+    recorder.finish().await;
+    std::fs::rename(&folder, &away).unwrap();
+    let refused = recorder.append(frame(1)).await.unwrap_err();
+    assert!(!refused.reason().contains('/'), "no path of the server: {}", refused.reason());
+    std::fs::rename(&away, &folder).unwrap();
+    recorder.append(frame(1)).await.unwrap();
+    recorder.finish().await;
+    drop(store);
+    assert_eq!(data.read(), (all(0..2), 0));
+}
+
+/// `/dev/full` refuses every byte, as a full disk does.
+#[test]
+fn a_full_disk_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("0001.mcap");
+    std::os::unix::fs::symlink("/dev/full", &path).unwrap();
+    // A file is only ever created, never opened.
+    assert!(writer::Writer::create(&path, &opening()).is_err());
+}
