@@ -61,7 +61,7 @@ pub struct ServerConfig {
     pub grpc: String,
     /// Address for HTTP; port 0 picks a free port.
     pub http: String,
-    /// Directory for the logs of accepted frames; absent: no logs.
+    /// Directory for the recordings of accepted frames; absent: nothing is recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data_dir: Option<PathBuf>,
     /// How long open calls may take to finish when the server stops, seconds.

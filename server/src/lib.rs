@@ -78,7 +78,7 @@ pub struct Ready {
 /// Serves `engine` until `shutdown` resolves, then waits for open calls to finish.
 ///
 /// HTTP is served at once. gRPC is served, and `on_ready` called, when the maps have been rebuilt
-/// from their logs.
+/// from their recordings.
 ///
 /// # Errors
 /// [`RunError`] if the data directory cannot be used or a listener fails.

@@ -21,7 +21,7 @@ struct Arguments {
     /// Settings file (TOML); environment variables LEXSPLAT__SECTION__KEY override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Directory for the logs of accepted frames, so that maps survive a restart
+    /// Directory for the recordings of accepted frames (MCAP), so that maps survive a restart
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
     /// Address for gRPC (robots); port 0 picks a free port

@@ -1,8 +1,9 @@
-//! Shared by the tests of gRPC and HTTP: a pipeline with small budgets, and a camera.
+//! Shared by the tests of gRPC, HTTP and recordings: a pipeline with small budgets, a camera, a frame.
 
 use crate::Config;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::frame::Intrinsics;
+use lexsplat_proto::v1;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -28,4 +29,41 @@ pub fn engine() -> Arc<Engine> {
         )
     };
     ENGINE.get_or_init(start).clone()
+}
+
+/// The message that opens a map for [`CAMERA`], with given poses.
+pub fn open_message(map: &str) -> v1::OpenMap {
+    v1::OpenMap {
+        map: map.into(),
+        intrinsics: Some(v1::Intrinsics {
+            width: CAMERA.width,
+            height: CAMERA.height,
+            fx: CAMERA.fx,
+            fy: CAMERA.fy,
+            cx: CAMERA.cx,
+            cy: CAMERA.cy,
+        }),
+        depth_unit_metres: 0.001,
+        pose_source: v1::PoseSource::Given.into(),
+        label_texts: Vec::new(),
+    }
+}
+
+/// A grey wall, 2 m away.
+pub fn frame(sequence: u64) -> v1::Frame {
+    let pixels = (CAMERA.width * CAMERA.height) as usize;
+    v1::Frame {
+        sequence,
+        timestamp_nanos: sequence * 100_000_000,
+        color_format: v1::ColorFormat::Rgb8.into(),
+        color: vec![120; pixels * 3].into(),
+        depth_format: v1::DepthFormat::U16.into(),
+        depth: 2000_u16.to_le_bytes().repeat(pixels).into(),
+        world_from_camera: Some(v1::Pose {
+            rotation: Some(v1::Quaternion { w: 1.0, ..Default::default() }),
+            translation_metres: Some(v1::Vector3::default()),
+        }),
+        pose_covariance: Vec::new(),
+        ..Default::default()
+    }
 }

@@ -1,8 +1,8 @@
-//! Validation of outside input: gRPC messages, JSON and log records become domain types here.
+//! Validation of outside input: gRPC messages, JSON and recorded messages become domain types here.
 //!
 //! Every function takes input as it arrived and returns a type of `pipeline` or `export` that needs
 //! no further check, or a [`Refusal`] that names the field with the error. Both interfaces (gRPC
-//! and HTTP) and the replay of logs use these functions, so the same input gets the same verdict
+//! and HTTP) and the replay of recordings use these functions, so the same input gets the same verdict
 //! everywhere.
 
 mod camera;

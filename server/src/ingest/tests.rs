@@ -3,7 +3,7 @@
 use super::{IngestConfig, MappingService};
 use crate::maps::{RecordedMaps, replay};
 use crate::store::Store;
-use crate::test_support::{CAMERA, config, engine};
+use crate::test_support::{config, engine, frame, open_message};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, OpenMap, frame_message::Message};
 use std::path::Path;
@@ -78,41 +78,6 @@ impl Stream {
     async fn finish(mut self) {
         drop(self.frames);
         assert!(self.acks.message().await.unwrap().is_none());
-    }
-}
-
-fn open_message(map: &str) -> OpenMap {
-    OpenMap {
-        map: map.into(),
-        intrinsics: Some(v1::Intrinsics {
-            width: CAMERA.width,
-            height: CAMERA.height,
-            fx: CAMERA.fx,
-            fy: CAMERA.fy,
-            cx: CAMERA.cx,
-            cy: CAMERA.cy,
-        }),
-        depth_unit_metres: 0.001,
-        pose_source: v1::PoseSource::Given.into(),
-        label_texts: Vec::new(),
-    }
-}
-
-fn frame(sequence: u64) -> v1::Frame {
-    let pixels = (CAMERA.width * CAMERA.height) as usize;
-    v1::Frame {
-        sequence,
-        timestamp_nanos: sequence * 100_000_000,
-        color_format: v1::ColorFormat::Rgb8.into(),
-        color: vec![120; pixels * 3].into(),
-        depth_format: v1::DepthFormat::U16.into(),
-        depth: 2000_u16.to_le_bytes().repeat(pixels).into(),
-        world_from_camera: Some(v1::Pose {
-            rotation: Some(v1::Quaternion { w: 1.0, ..Default::default() }),
-            translation_metres: Some(v1::Vector3::default()),
-        }),
-        pose_covariance: Vec::new(),
-        ..Default::default()
     }
 }
 

@@ -10,3 +10,6 @@ mod replay;
 pub(crate) use error::MapsError;
 pub(crate) use recorded::{RecordedMaps, Recording};
 pub(crate) use replay::replay;
+
+#[cfg(test)]
+mod tests;

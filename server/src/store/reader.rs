@@ -119,8 +119,9 @@ impl Reader {
                     let next = self.find_chunk(from + 1)?;
                     self.at = next.unwrap_or(self.bytes);
                     self.is_at_end = next.is_none();
-                    let is_torn = matches!(found, Found::Cut) && next.is_none();
-                    if !(is_torn && !self.is_finished) {
+                    let is_torn =
+                        matches!(found, Found::Cut) && next.is_none() && !self.is_finished;
+                    if !is_torn {
                         let (path, to_byte) = (self.path.clone(), self.at);
                         return Ok(Some(Entry::Damage(Damage { path, from_byte: from, to_byte })));
                     }

@@ -1,0 +1,87 @@
+//! Maps and their recordings stay in step.
+
+use super::*;
+use crate::check;
+use crate::pipeline::map::MapError;
+use crate::store::Store;
+use crate::test_support::{config, engine, frame, open_message};
+use lexsplat_proto::v1;
+use std::path::Path;
+use std::time::Duration;
+
+fn maps(folder: &Path) -> RecordedMaps {
+    RecordedMaps::new(engine(), Store::open(Some(folder)).unwrap())
+}
+
+async fn record(maps: &RecordedMaps, open: &v1::OpenMap, frames: std::ops::Range<u64>) {
+    let recorder = maps.store().record(open).await.unwrap().unwrap();
+    for sequence in frames {
+        recorder.append(frame(sequence)).await.unwrap();
+    }
+    recorder.finish().await;
+}
+
+#[tokio::test]
+async fn a_map_that_cannot_be_rebuilt_keeps_its_recording_and_takes_no_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    // A camera that today's limits refuse.
+    let good = open_message("maps-refused");
+    let camera = v1::Intrinsics { fx: f64::NAN, ..good.intrinsics.unwrap() };
+    record(&maps, &v1::OpenMap { intrinsics: Some(camera), ..good.clone() }, 0..2).await;
+    let file = folder.path().join("maps-refused.map/0001.mcap");
+    let before = std::fs::read(&file).unwrap();
+    let limits = config().ingest.limits();
+    replay(&maps, &limits).await.unwrap();
+
+    assert!(matches!(maps.get("maps-refused"), Err(MapError::Failed { .. })));
+    assert!(maps.warnings()[0].starts_with("maps-refused: "), "{:?}", maps.warnings());
+    let opening = check::opening(&good, &limits).unwrap();
+    let refused = maps.open(&good, &opening).await.map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("could not be rebuilt"), "{refused}");
+    assert!(maps.create("maps-refused").await.is_err());
+    assert_eq!(std::fs::read(&file).unwrap(), before, "nothing was appended");
+
+    maps.delete("maps-refused").await.unwrap();
+    assert!(!file.exists() && maps.warnings().is_empty());
+    maps.create("maps-refused").await.unwrap();
+    maps.delete("maps-refused").await.unwrap();
+}
+
+#[tokio::test]
+async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    record(&maps, &open_message("maps-gone"), 0..2).await;
+    replay(&maps, &config().ingest.limits()).await.unwrap();
+    assert_eq!(maps.get("maps-gone").unwrap().status().frames_received, 2);
+    // The caller goes after the first step.
+    let begun = tokio::time::timeout(Duration::ZERO, maps.delete("maps-gone")).await;
+    assert!(begun.is_err(), "it takes a while");
+    for _ in 0..600 {
+        if !folder.path().join("maps-gone.map").exists() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert!(!folder.path().join("maps-gone.map").exists());
+    assert!(matches!(maps.get("maps-gone"), Err(MapError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn damage_is_told_in_the_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    record(&maps, &open_message("maps-damaged"), 0..4).await;
+    let file = folder.path().join("maps-damaged.map/0001.mcap");
+    let mut bytes = std::fs::read(&file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&file, &bytes).unwrap();
+    replay(&maps, &config().ingest.limits()).await.unwrap();
+    let status = maps.get("maps-damaged").unwrap().status();
+    assert_eq!(status.frames_received, 3, "one frame is lost");
+    assert!(status.recording_damage.is_some_and(|words| words.contains(".damaged-")));
+    assert!(maps.warnings()[0].contains("damaged"), "{:?}", maps.warnings());
+    maps.delete("maps-damaged").await.unwrap();
+}
