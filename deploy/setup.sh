@@ -93,3 +93,9 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/gsply/gsply ]; then
   pip_install .deps/readers --only-binary=:all: 'plyfile==1.1.5' 'trimesh==5.2.0' 'numpy>=2,<3'
   pip_install .deps/gsply --only-binary=:all: --no-deps 'gsply==0.4.6'
 fi
+
+if [ "${1:-}" = --tests ] && [ ! -d .deps/mcap/mcap ]; then
+  say "installing a reader of recordings into .deps/mcap"
+  mkdir -p .deps
+  pip_install .deps/mcap --only-binary=:all: 'mcap==1.6.0' 'mcap-protobuf-support==0.6.0'
+fi

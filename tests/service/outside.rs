@@ -1,7 +1,7 @@
 //! A client that shares nothing with lexsplat but the wire: Python's gRPC and the server's reflection.
 
 use lexsplat_synthetic as synthetic;
-use lexsplat_tests::{Server, root, tiny_config};
+use lexsplat_tests::{Robot, Server, root, tiny_config};
 use std::process::Command;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -76,4 +76,38 @@ async fn health_is_told_the_way_grpc_tells_it() {
     assert_eq!(mapping.status(), ServingStatus::Serving);
     assert!(ask("lexsplat.v1.Nothing").await.is_err(), "what is not there is not healthy");
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn another_library_reads_a_recording() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let mut config = tiny_config();
+    config.server.data_dir = Some(folder.path().to_owned());
+    let server = Server::start(config).await;
+    let robot = Robot::new(7, 3);
+    server.stream(&robot, "recorded").await;
+    server.stop().await;
+    let read = Command::new("python3")
+        .env("PYTHONPATH", root().join(".deps/mcap"))
+        .arg(root().join("tests/outside/recording.py"))
+        .arg(folder.path().join("recorded.map/0001.mcap"))
+        .output()
+        .expect("python3 runs");
+    let complained = String::from_utf8_lossy(&read.stderr);
+    assert!(read.status.success(), "{complained} (make test installs what it needs)");
+    let found: serde_json::Value = serde_json::from_slice(&read.stdout).expect("JSON");
+    for (topic, schema, messages) in [
+        ("/camera/calibration", "foxglove.CameraCalibration", 1),
+        ("/camera/color", "foxglove.CompressedImage", 3),
+        ("/camera/depth", "foxglove.CompressedImage", 3),
+        ("/camera/pose", "foxglove.PoseInFrame", 3),
+        ("/lexsplat/frame", "lexsplat.v1.Frame", 3),
+    ] {
+        let wanted = serde_json::json!({"schema": schema, "messages": messages});
+        assert_eq!(found["topics"][topic], wanted, "{topic}");
+    }
+    assert_eq!(found["color"], "ffd8ff", "a JPEG image");
+    assert_eq!(found["fx"], robot.camera.fx);
+    let position = robot.poses[0].translation.vector;
+    assert_eq!(found["position"], serde_json::json!([position.x, position.y, position.z]));
 }

@@ -11,7 +11,6 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Written into each file as the program that made it.
 const LIBRARY: &str = concat!("lexsplat ", env!("CARGO_PKG_VERSION"));
@@ -31,6 +30,8 @@ pub(super) struct Writer {
     /// Set after an error: nothing more is written, not even the index that `mcap` writes when it is
     /// dropped.
     is_closed: Arc<AtomicBool>,
+    /// Time of the newest frame that has one, for those that have none, nanoseconds.
+    newest_time: u64,
     /// Bytes up to the end of the newest durable frame.
     durable_bytes: u64,
 }
@@ -57,6 +58,7 @@ impl Writer {
             opening: messages::of_opening(open),
             known: Vec::new(),
             is_closed,
+            newest_time: 0,
             durable_bytes: 0,
         })
     }
@@ -76,10 +78,10 @@ impl Writer {
     }
 
     fn write(&mut self, frame: v1::Frame) -> Result<(), StoreError> {
-        let log_time = match frame.timestamp_nanos {
-            0 => now_nanos(),
-            nanos => nanos,
-        };
+        if frame.timestamp_nanos > 0 {
+            self.newest_time = frame.timestamp_nanos;
+        }
+        let log_time = self.newest_time;
         // MCAP has 32 bits for it; the frame's own message has all of them.
         let sequence = frame.sequence as u32;
         let opening_bytes: usize = self.opening.iter().map(|message| message.data.len()).sum();
@@ -155,9 +157,4 @@ impl Seek for Target {
     fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
         self.file.seek(to)
     }
-}
-
-fn now_nanos() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
