@@ -2,8 +2,8 @@
 
     recording.py FILE
 
-Prints one line of JSON: the schema and the number of messages of each topic, the bytes at the start of the first
-color image, and the first pose.
+Prints one line of JSON: the schema and the number of messages of each topic, the bytes at the
+start of the first color image, and the first pose.
 """
 
 import json
