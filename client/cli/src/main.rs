@@ -10,6 +10,7 @@ mod progress;
 mod runtime;
 mod sensing;
 mod server;
+mod waiting;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

@@ -128,6 +128,9 @@ async fn connect(address: &str) -> Result<MappingClient<Channel>, ClientError> {
     let bad = || ClientError::Address { found: address.into() };
     let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
     port.parse::<u16>().map_err(|_| bad())?;
+    if address.starts_with("https://") {
+        return Err(ClientError::Tls { address: address.into() });
+    }
     let uri = if address.contains("://") { address.into() } else { format!("http://{address}") };
     let endpoint = Endpoint::from_shared(uri).map_err(|_| bad())?.connect_timeout(CONNECT_WITHIN);
     let channel = endpoint.connect().await;

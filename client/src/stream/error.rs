@@ -13,6 +13,15 @@ pub enum ClientError {
         /// The text that was given.
         found: String,
     },
+    /// The address asks for encryption, which streams do not have.
+    #[error(
+        "{address}: streams are not encrypted (no TLS); use a proxy or a VPN, or write HOST:PORT to send plain \
+         text"
+    )]
+    Tls {
+        /// The address.
+        address: String,
+    },
     /// Nothing listens at the address.
     #[error("no server at {address}: start lexsplat-server")]
     NoServer {

@@ -1,5 +1,6 @@
 //! `lexsplat export`: saves a map as a file.
 
+use crate::waiting::Waiting;
 use anyhow::{Context as _, Result, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -26,6 +27,8 @@ pub struct Export {
     /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
+    #[command(flatten)]
+    waiting: Waiting,
     /// The file to write; an old one is replaced
     file: PathBuf,
 }
@@ -65,8 +68,9 @@ impl Format {
 
 /// Runs the command.
 pub async fn run(arguments: &Export) -> Result<()> {
-    let Export { map, format, voxel, text, http, file } = arguments;
+    let Export { map, format, voxel, text, http, waiting, file } = arguments;
     let client = HttpClient::new(http)?;
+    waiting.until_settled(&client, map).await?;
     let mut options = Vec::new();
     options.extend(voxel.map(|metres| ("voxel", metres.to_string())));
     options.extend(text.clone().map(|text| ("text", text)));

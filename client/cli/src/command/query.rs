@@ -4,6 +4,7 @@
 use super::segment;
 use crate::answer::{best_object, metres, shown};
 use crate::files::{make_folder, save, save_image};
+use crate::waiting::Waiting;
 use anyhow::{Context as _, Result};
 use lexsplat_client::http::{
     Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, View, project,
@@ -45,6 +46,8 @@ pub struct Query {
     /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
+    #[command(flatten)]
+    waiting: Waiting,
     /// Print the server's answer as JSON instead
     #[arg(long)]
     json: bool,
@@ -57,6 +60,7 @@ const GOOD_DISTANCE_METRES: f64 = 1.8;
 pub async fn run(arguments: &Query) -> Result<()> {
     let Query { texts, map, frame, out, http, json, .. } = arguments;
     let client = HttpClient::new(http)?;
+    arguments.waiting.until_settled(&client, map).await?;
     let question = arguments.question();
     if texts.len() > 1 {
         let asked = segment::Asked { client: &client, map, question: &question, json: *json };
