@@ -150,14 +150,13 @@ fn adam_matches_the_oracle() {
         count,
     };
     let rates = [[0.1, 0.2, 0.3, 0.4], [0.01; 4]];
-    let [even, odd] = rates;
-    let row_rates = RowRates { even, odd, odd_at_most: f32::MAX };
+    let row_rates = RowRates { even: rates[0], odd: rates[1], odd_at_most: f32::MAX };
     let is_seen = |step: usize, gaussian: usize| !(step + gaussian).is_multiple_of(3);
     let mut wanted: Vec<_> = values
         .iter()
         .map(|row| row.map(|v| oracle::adam::State { value: v.into(), ..Default::default() }))
         .collect();
-    let mut taken = vec![0; count];
+    let mut taken = vec![0u32; count];
     for (step, step_gradients) in gradients.iter().enumerate() {
         let weight =
             |row: usize| f32::from(u8::from(row.is_multiple_of(2) && is_seen(step, row / 2)));
@@ -179,7 +178,8 @@ fn adam_matches_the_oracle() {
                 let (g, rate) = (step_gradients[row][i], rates[row % 2][i]);
                 if (row, i) != (7, 1) {
                     let state = &mut wanted[row][i];
-                    *state = oracle::adam::update(*state, g.into(), rate.into(), taken[gaussian]);
+                    *state =
+                        oracle::adam::update(*state, g.into(), rate.into(), taken[gaussian] as i32);
                 }
             }
         }
@@ -191,10 +191,7 @@ fn adam_matches_the_oracle() {
     println!("adam: {worst:.1e}");
     assert!(worst < 2e-5, "{worst:.1e}");
     assert_eq!(found[7][1], values[7][1], "a gradient that is not a number changes nothing");
-    assert_eq!(
-        steps.read(&gpu, count).expect("reads"),
-        taken.iter().map(|t| *t as u32).collect::<Vec<_>>()
-    );
+    assert_eq!(steps.read(&gpu, count).expect("reads"), taken);
     let control = pairs().map(|(w, f)| off(w.value * 1.001, *f)).fold(0.0, f64::max);
     assert!(control > 2e-5, "a per mille must show");
 }

@@ -154,7 +154,10 @@ pub const CRATES: &[Declared] = &[
         folder: "client/cli/src",
         root: "main.rs",
         levels: &[
-            &["answer", "bench", "choices", "dataset", "files", "progress", "runtime", "server"],
+            &[
+                "answer", "bench", "choices", "dataset", "files", "progress", "runtime", "server",
+                "waiting",
+            ],
             &["sensing"],
             &["command/measure", "command/segment"],
             &["command"],

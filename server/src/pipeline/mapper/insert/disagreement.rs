@@ -6,7 +6,7 @@
 //! a map with few steps is blurred and differs from every picture.
 
 use super::super::super::downsampled_frame::DownsampledFrame;
-use super::quantile;
+use super::quantile::quantile;
 
 /// About as many pixels are compared.
 const SAMPLES: usize = 4000;

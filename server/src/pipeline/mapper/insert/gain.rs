@@ -5,7 +5,7 @@
 //! would be inserted again in other colors.
 
 use super::super::super::downsampled_frame::DownsampledFrame;
-use super::quantile;
+use super::quantile::quantile;
 use lexsplat_gpu::ColorImage;
 use std::borrow::Cow;
 

@@ -11,6 +11,7 @@ mod disks;
 mod gain;
 mod history;
 mod quadtree;
+mod quantile;
 
 use super::super::backdrop;
 use super::super::downsampled_frame::DownsampledFrame;
@@ -172,16 +173,6 @@ fn color_error(image: &DownsampledFrame, rendered: &ColorImage, seen: usize, sho
     let shown = &rendered.rgb[shown * 3..shown * 3 + 3];
     let errors = shown.iter().zip(image.color(seen)).map(|(shown, seen)| (shown - seen).abs());
     errors.sum::<f32>() / 3.0
-}
-
-/// The value that this share of the values is below; `None` if there are none.
-fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
-    let at = (values.len() as f32 * share) as usize;
-    if at >= values.len() {
-        return None;
-    }
-    let (_, value, _) = values.select_nth_unstable_by(at, f32::total_cmp);
-    value.is_finite().then_some(*value)
 }
 
 #[cfg(test)]
