@@ -4,10 +4,13 @@
 
 use std::sync::Arc;
 
+use nalgebra::Isometry3;
+
 use crate::device::{Gpu, GpuError, expect_len, largest_binding};
 use crate::map::arrays;
 use crate::map::arrays::{Arrays, MapSlice};
 use crate::map::host::{HostGaussians, HostHead};
+use crate::map::motion;
 use crate::map::rows::pad_rows;
 use crate::map::tools::Tools;
 use crate::shader::layout::Row;
@@ -27,6 +30,8 @@ pub struct Gaussians {
     pub(super) len: usize,
     capacity: usize,
     pub(super) channels: usize,
+    /// Owner of the Gaussians that are appended next.
+    owner: u32,
     pub(super) arrays: Option<Arrays>,
     pub(super) tools: Option<Arc<Tools>>,
 }
@@ -35,7 +40,8 @@ impl Gaussians {
     /// An empty map whose language codes have `language_channels` values, 1 to [`MAX_CHANNELS`].
     pub fn new(gpu: &Gpu, language_channels: usize) -> Self {
         let gpu = gpu.clone();
-        Self { gpu, len: 0, capacity: 0, channels: language_channels, arrays: None, tools: None }
+        let channels = language_channels;
+        Self { gpu, len: 0, capacity: 0, channels, owner: 0, arrays: None, tools: None }
     }
 
     /// Number of Gaussians.
@@ -53,6 +59,47 @@ impl Gaussians {
         self.channels
     }
 
+    /// Sets the owner of the Gaussians that are appended from now on, 0 at first; see
+    /// [`Gaussians::move_with_owners`].
+    ///
+    /// # Errors
+    /// [`GpuError::BadValue`] above 2^24.
+    pub fn set_owner(&mut self, owner: u32) -> Result<(), GpuError> {
+        if owner > motion::MAX_OWNER {
+            let (what, expected) = ("owner", "at most 2^24");
+            return Err(GpuError::BadValue { what, expected, found: owner.to_string() });
+        }
+        self.owner = owner;
+        Ok(())
+    }
+
+    /// Moves every Gaussian by its owner's motion, `moved_from_world`: its mean, and the rotations
+    /// of both heads. Moments and step counts stay. An owner without a motion stays where it is.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn move_with_owners(
+        &mut self,
+        motion: impl Fn(u32) -> Option<Isometry3<f64>>,
+    ) -> Result<(), GpuError> {
+        let Some(MapSlice { arrays, count }) = self.slice() else { return Ok(()) };
+        let mut means = arrays.means.values.read(&self.gpu, count)?;
+        let motions: Vec<_> = means.iter().map(|mean| motion(motion::owner(mean))).collect();
+        for (mean, motion) in means.iter_mut().zip(&motions) {
+            motion.iter().for_each(|motion| motion::move_mean(mean, motion));
+        }
+        arrays.means.values.write(&self.gpu, 0, &means);
+        for head in [&arrays.color, &arrays.language] {
+            let mut geometry = head.geometry.values.read(&self.gpu, head.geometry.rows * count)?;
+            let rotations = geometry.iter_mut().step_by(head.geometry.rows);
+            for (rotation, motion) in rotations.zip(&motions) {
+                motion.iter().for_each(|motion| motion::turn(rotation, motion));
+            }
+            head.geometry.values.write(&self.gpu, 0, &geometry);
+        }
+        Ok(())
+    }
+
     /// Appends Gaussians, with moments and step counts of zero. The others keep theirs.
     ///
     /// # Errors
@@ -66,7 +113,8 @@ impl Gaussians {
         self.gpu.check()?;
         self.reserve(self.len + more.len())?;
         let arrays = self.arrays.as_ref().expect("reserved above");
-        let means: Vec<Row> = more.means.iter().map(|m| [m[0], m[1], m[2], 0.0]).collect();
+        let owner = self.owner as f32;
+        let means: Vec<Row> = more.means.iter().map(|m| [m[0], m[1], m[2], owner]).collect();
         let mut encoder = self.gpu.device().create_command_encoder(&Default::default());
         arrays.means.write(&self.gpu, &mut encoder, self.len, &means);
         arrays.color.write(&self.gpu, &mut encoder, self.len, &more.color);

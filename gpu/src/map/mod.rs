@@ -4,6 +4,7 @@ mod arrays;
 mod gaussians;
 mod host;
 pub mod morton;
+mod motion;
 pub mod prune;
 mod rearrange;
 pub(crate) mod rows;

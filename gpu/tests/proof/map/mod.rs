@@ -3,6 +3,7 @@
 
 mod edit;
 mod morton;
+mod motion;
 mod prune;
 mod speed;
 
