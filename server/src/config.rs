@@ -6,6 +6,7 @@
 
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;
+use crate::pipeline::closure::ClosureConfig;
 use crate::pipeline::compressor::CompressorConfig;
 use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
@@ -43,6 +44,8 @@ pub struct Config {
     pub compressor: CompressorConfig,
     /// Pose estimation.
     pub tracker: TrackerConfig,
+    /// Loop closure.
+    pub closure: ClosureConfig,
     /// Mapping: keyframes, insertion, optimisation, budgets.
     pub mapper: MapperConfig,
     /// Answering questions.
@@ -153,6 +156,7 @@ impl Config {
         self.compressor.check()?;
         self.query.check()?;
         self.tracker.check()?;
+        self.closure.check()?;
         self.mapper.check()?;
         Ok(())
     }
@@ -164,6 +168,7 @@ impl Config {
             language: self.language.clone(),
             compressor: self.compressor.clone(),
             tracker: self.tracker.clone(),
+            closure: self.closure.clone(),
             mapper: self.mapper.clone(),
             query: self.query.clone(),
         }
@@ -301,13 +306,14 @@ mod tests {
     #[test]
     fn every_section_is_checked() {
         type Change = fn(&mut Config);
-        let refused: [(&str, Change); 7] = [
+        let refused: [(&str, Change); 8] = [
             ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
             ("http.event_backlog", |c| c.http.event_backlog = 0),
             ("language.queue", |c| c.language.queue = 0),
             ("compressor.code_size", |c| c.compressor.code_size = 33),
             ("query.object_score", |c| c.query.object_score = f32::NAN),
             ("tracker.width", |c| c.tracker.width = 0),
+            ("closure.candidates", |c| c.closure.candidates = 0),
             ("mapper.window", |c| c.mapper.window = 0),
         ];
         for (key, change) in refused {

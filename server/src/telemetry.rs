@@ -33,6 +33,10 @@ pub(crate) const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
 pub(crate) const SNAPSHOT_SECONDS: &str = "lexsplat_snapshot_seconds";
 /// Counter: frames that did not pass the checks, by `field`.
 pub(crate) const REFUSED: &str = "lexsplat_refused_total";
+/// Counter: loops that were closed and moved the map.
+pub(crate) const CLOSED_LOOPS: &str = "lexsplat_closed_loops_total";
+/// Histogram: seconds to look for a loop, and to close it, per keyframe.
+pub(crate) const CLOSURE_SECONDS: &str = "lexsplat_closure_seconds";
 /// Gauge: open streams.
 pub(crate) const STREAMS: &str = "lexsplat_streams";
 
@@ -145,6 +149,8 @@ fn describe() {
         SNAPSHOT_SECONDS,
         "Seconds to copy the map into a snapshot for queries"
     );
+    metrics::describe_histogram!(CLOSURE_SECONDS, "Seconds to look for a loop and to close it");
+    metrics::describe_counter!(CLOSED_LOOPS, "Loops that were closed and moved the map");
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
     metrics::describe_gauge!(STREAMS, "Open streams");
 }

@@ -1,5 +1,6 @@
 //! Starts and owns everything behind the edges: the adapter, the networks, the maps and their threads.
 
+use super::closure::ClosureConfig;
 use super::compressor::CompressorConfig;
 use super::encoder::{LanguageConfig, LanguageThread};
 use super::map::{Map, MapError, Message};
@@ -31,6 +32,8 @@ pub struct PipelineConfig {
     pub compressor: CompressorConfig,
     /// The tracker.
     pub tracker: TrackerConfig,
+    /// Loop closure.
+    pub closure: ClosureConfig,
     /// The mapper.
     pub mapper: MapperConfig,
     /// Queries.
@@ -128,8 +131,8 @@ impl Engine {
                 return Err(MapError::TooMany { limit });
             }
         }
-        let PipelineConfig { compressor, tracker, mapper, .. } = &self.config;
-        let configs = StageConfigs { compressor, tracker, mapper };
+        let PipelineConfig { compressor, tracker, closure, mapper, .. } = &self.config;
+        let configs = StageConfigs { compressor, tracker, closure, mapper };
         let (map, thread) = map_thread::spawn(name, &self.gpu, &self.language, configs)
             .map_err(|reason| MapError::Failed { name: name.into(), reason })?;
         self.locked().insert(name.into(), Running { map: map.clone(), thread });

@@ -113,6 +113,9 @@ pub(super) struct TrackedPose {
     pub is_estimated: bool,
     /// Whether the pose was found again after the camera was lost or had jumped.
     pub relocalised: bool,
+    /// Sequence number of the keyframe that it was found beside, if the motion before is not connected with
+    /// that.
+    pub beside: Option<u64>,
 }
 
 /// A tracked frame's place on the trajectory.

@@ -6,6 +6,7 @@
 
 mod backdrop;
 mod bilinear;
+pub mod closure;
 pub mod compressor;
 mod depth_gaps;
 mod downsampled_frame;
@@ -21,6 +22,7 @@ mod map_thread;
 pub mod mapper;
 pub mod network;
 mod pose_adam;
+mod pose_graph;
 pub mod query;
 pub mod range;
 pub mod snapshot;

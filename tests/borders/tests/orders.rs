@@ -50,7 +50,13 @@ pub const CRATES: &[Declared] = &[
         root: "lib.rs",
         levels: &[
             &["query_id", "telemetry", "web"],
-            &["pipeline/bilinear", "pipeline/exposure", "pipeline/pose_adam", "pipeline/range"],
+            &[
+                "pipeline/bilinear",
+                "pipeline/exposure",
+                "pipeline/pose_adam",
+                "pipeline/pose_graph",
+                "pipeline/range",
+            ],
             &["pipeline/frame"],
             &["pipeline/downsampled_frame"],
             &["pipeline/backdrop", "pipeline/depth_gaps", "pipeline/features"],
@@ -62,7 +68,7 @@ pub const CRATES: &[Declared] = &[
             &["pipeline/keyframes"],
             &["pipeline/tracker"],
             &["pipeline/live_map"],
-            &["pipeline/mapper"],
+            &["pipeline/closure", "pipeline/mapper"],
             &["pipeline/query"],
             &["pipeline/map"],
             &["pipeline/map_thread"],

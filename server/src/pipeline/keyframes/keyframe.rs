@@ -38,6 +38,8 @@ pub(in super::super) struct Keyframe {
     pub thumbnail: Thumbnail,
     /// Whether the tracker estimated the pose, so that the map may refine it.
     pub is_estimated: bool,
+    /// Whether frames are aligned with it: its place relative to the newest keyframe is well known.
+    pub is_connected: bool,
     /// Adam's moments of the refined pose and exposure.
     pub pose_adam: PoseAdam,
     /// Optimiser steps taken on this keyframe.
@@ -86,6 +88,7 @@ impl Keyframe {
             features: Features::detect(&tracking),
             thumbnail: Thumbnail::new(&tracking),
             is_estimated: tracked.is_estimated,
+            is_connected: true,
             pose_adam: PoseAdam::default(),
             steps: 0,
             language: None,

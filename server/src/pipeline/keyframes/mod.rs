@@ -106,9 +106,21 @@ impl KeyframeStore {
         before - self.len()
     }
 
+    /// Sets the pose of a keyframe, also of a forgotten one.
+    pub fn set_pose(&mut self, sequence: u64, world_from_camera: &Isometry3<f64>) {
+        match self.position(sequence) {
+            Some(at) => self.keyframes[at].set_pose(world_from_camera),
+            None => {
+                if let Some(frame) = self.forgotten.get_mut(&sequence) {
+                    frame.world_from_camera = *world_from_camera;
+                }
+            }
+        }
+    }
+
     /// Reference keyframes for a camera at `world_from_camera`: the newest, then the oldest of those that
     /// overlap its view by at least `min_overlap`, at most `count` together. Old references keep poses from
-    /// drifting.
+    /// drifting. Those that are not connected are left out.
     pub fn references(
         &self,
         camera: &Camera,
@@ -116,15 +128,27 @@ impl KeyframeStore {
         count: usize,
         min_overlap: f64,
     ) -> Vec<&Keyframe> {
-        let Some((newest, older)) = self.keyframes.split_last() else { return Vec::new() };
+        let mut connected = self.keyframes.iter().filter(|keyframe| keyframe.is_connected);
+        let Some(newest) = connected.next_back() else { return Vec::new() };
         let overlaps =
             |keyframe: &&Keyframe| keyframe.overlap(camera, world_from_camera) >= min_overlap;
-        std::iter::once(newest).chain(older.iter().filter(overlaps)).take(count).collect()
+        std::iter::once(newest).chain(connected.filter(overlaps)).take(count).collect()
     }
 
-    /// The `count` keyframes that share most features with an image, best first; none that shares none.
-    pub fn most_alike(&self, features: &Features, count: usize) -> Vec<&Keyframe> {
-        self.best(count, |keyframe| features.similarity(&keyframe.features) as f32)
+    /// The `count` candidates that share most features with an image, best first; none that shares none.
+    pub fn most_alike(
+        &self,
+        features: &Features,
+        count: usize,
+        is_candidate: impl Fn(&Keyframe) -> bool,
+    ) -> Vec<&Keyframe> {
+        self.best(count, |keyframe| {
+            if is_candidate(keyframe) {
+                features.similarity(&keyframe.features) as f32
+            } else {
+                0.0
+            }
+        })
     }
 
     /// The `count` keyframes that look most like an image, best first. Alignment decides whether one of

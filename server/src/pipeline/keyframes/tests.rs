@@ -36,6 +36,7 @@ fn keyframe(gpu: &Gpu, sequence: u64, image: DownsampledFrame) -> Keyframe {
         exposure: [0.0; 2],
         is_estimated: true,
         relocalised: false,
+        beside: None,
     };
     let widths = KeyframeWidths { training: 80, tracking: 160 };
     Keyframe::new(gpu, &frame, &tracked, widths).expect("the device has room")

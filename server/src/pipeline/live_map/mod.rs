@@ -11,6 +11,7 @@ pub(super) use trajectory::Trajectory;
 
 use super::compressor::OnlineStage;
 use super::keyframes::KeyframeStore;
+use super::pose_graph::PoseGraph;
 use lexsplat_gpu::{Gaussians, Gpu};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,6 +25,8 @@ pub(super) struct LiveMap {
     pub gaussians: Gaussians,
     pub keyframes: KeyframeStore,
     pub trajectory: Trajectory,
+    /// How the poses of keyframes were measured. A Gaussian's owner is a node of it.
+    pub graph: PoseGraph,
     /// The online compressor (32 to 15 dimensions) with its dictionary (paper §4.2).
     pub online: Box<dyn OnlineStage>,
     /// Optimiser steps that are due.
@@ -47,6 +50,7 @@ impl LiveMap {
             gaussians,
             keyframes: KeyframeStore::default(),
             trajectory: Trajectory::default(),
+            graph: PoseGraph::default(),
             online,
             steps,
             rng: ChaCha8Rng::seed_from_u64(SEED),
@@ -62,6 +66,7 @@ impl LiveMap {
         self.gaussians = Gaussians::new(gpu, self.online.code_size());
         self.keyframes = KeyframeStore::default();
         self.trajectory = Trajectory::default();
+        self.graph = PoseGraph::default();
         self.steps = steps;
         self.sorted_len = 0;
         self.farthest_metres = 0.0;

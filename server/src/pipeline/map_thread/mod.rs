@@ -7,6 +7,7 @@
 mod language_requests;
 mod publisher;
 
+use super::closure::{Closure, ClosureConfig, MapParts};
 use super::compressor;
 use super::encoder::{LanguageMap, LanguageThread};
 use super::frame::{Frame, FrameOutcome, TrackedPose};
@@ -17,11 +18,12 @@ use super::mapper::{Clock, MapperConfig, TiesConfig, insert, language, optimise,
 use super::snapshot::MapSnapshot;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
-    COMPRESSION_SECONDS, INSERTION_SECONDS, MAPPING_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS,
-    timed,
+    CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INSERTION_SECONDS, MAPPING_SECONDS,
+    SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Ties, Trainer};
+use nalgebra::Isometry3;
 use publisher::Publisher;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -33,6 +35,7 @@ use tokio::sync::{mpsc, oneshot};
 pub(super) struct StageConfigs<'a> {
     pub compressor: &'a compressor::CompressorConfig,
     pub tracker: &'a TrackerConfig,
+    pub closure: &'a ClosureConfig,
     pub mapper: &'a MapperConfig,
 }
 
@@ -70,6 +73,7 @@ pub(super) fn spawn(
         gpu: gpu.clone(),
         live: LiveMap::new(gaussians, online, steps),
         tracker: Tracker::new(gpu, configs.tracker),
+        closure: Closure::new(configs.closure),
         trainer,
         language: LanguageRequests::new(language.clone(), map.sender()),
         publisher: Publisher::new(),
@@ -95,6 +99,7 @@ struct MapThread {
     gpu: Gpu,
     live: LiveMap,
     tracker: Tracker,
+    closure: Closure,
     trainer: Trainer,
     language: LanguageRequests,
     publisher: Publisher,
@@ -103,6 +108,13 @@ struct MapThread {
     /// Id of the stream that sent the last frame.
     last_stream: u64,
     map: Arc<Map>,
+}
+
+/// What became of a tracked frame.
+struct Mapped {
+    is_keyframe: bool,
+    /// Its pose after loops were closed.
+    world_from_camera: Isometry3<f64>,
 }
 
 /// What the thread does next.
@@ -214,7 +226,9 @@ impl MapThread {
             revision: self.live.revision,
         };
         if let Some(tracked) = &tracked {
-            outcome.keyframe = self.map_tracked(frame, tracked)?;
+            let mapped = self.map_tracked(frame, tracked)?;
+            outcome.keyframe = mapped.is_keyframe;
+            outcome.world_from_camera = Some(mapped.world_from_camera);
             self.optimise_behind_frame()?;
         }
         self.map.finish_frame(&outcome);
@@ -223,20 +237,25 @@ impl MapThread {
         self.publish_if_due()
     }
 
-    /// Adds a tracked frame to the trajectory, and to the map if it is a keyframe. Returns whether it is.
-    fn map_tracked(&mut self, frame: Frame, tracked: &TrackedPose) -> Result<bool, GpuError> {
-        let pose = &tracked.world_from_camera;
-        let is_keyframe = select::is_keyframe(&self.live.keyframes, &frame, pose, &self.config);
-        if is_keyframe {
-            self.insert_keyframe(&frame, tracked)?;
+    /// Adds a tracked frame to the trajectory, and to the map if it is a keyframe.
+    fn map_tracked(&mut self, frame: Frame, tracked: &TrackedPose) -> Result<Mapped, GpuError> {
+        if let Some(sequence) = tracked.beside {
+            self.closure.found_beside(&mut self.live, sequence);
         }
-        self.live.trajectory.push(&frame, tracked, &self.live.keyframes);
+        let mut world_from_camera = tracked.world_from_camera;
+        let keyframes = &self.live.keyframes;
+        let is_keyframe = select::is_keyframe(keyframes, &frame, &world_from_camera, &self.config);
+        if is_keyframe {
+            world_from_camera = self.insert_keyframe(&frame, tracked)?;
+        }
+        let tracked = TrackedPose { world_from_camera, ..*tracked };
+        self.live.trajectory.push(&frame, &tracked, &self.live.keyframes);
         self.publisher.poses_changed();
         if is_keyframe {
             self.language.push(frame);
             self.language.send(&self.live.keyframes);
         }
-        Ok(is_keyframe)
+        Ok(Mapped { is_keyframe, world_from_camera })
     }
 
     /// Empties a young map that nothing can be tracked in, and begins it with the frame `first`, which was
@@ -253,6 +272,7 @@ impl MapThread {
         self.trainer.settle(&mut self.live.gaussians)?;
         self.live.clear(&self.gpu, step_budget(&self.config));
         self.tracker.begin_anew();
+        self.closure.begin_anew();
         self.publisher.gaussians_changed();
         if let Tracking::Found(tracked) = self.track(&first)? {
             self.map_tracked(first, &tracked)?;
@@ -272,17 +292,36 @@ impl MapThread {
         timed(TRACKING_SECONDS, || self.tracker.track(frame, &mut scene))
     }
 
-    fn insert_keyframe(&mut self, frame: &Frame, tracked: &TrackedPose) -> Result<(), GpuError> {
+    /// Returns the keyframe's pose, which differs from the tracked one if it closes a loop.
+    fn insert_keyframe(
+        &mut self,
+        frame: &Frame,
+        tracked: &TrackedPose,
+    ) -> Result<Isometry3<f64>, GpuError> {
         let (training, tracking) = (self.config.train_width, self.tracker_config.width);
         let widths = KeyframeWidths { training, tracking };
-        let keyframe = Keyframe::new(&self.gpu, frame, tracked, widths)?;
+        let mut keyframe = Keyframe::new(&self.gpu, frame, tracked, widths)?;
+        self.close_loops(&mut keyframe)?;
         timed(INSERTION_SECONDS, || {
             insert::insert(&mut self.live, &mut self.trainer, &keyframe, &self.config)
         })?;
+        let world_from_camera = keyframe.frame.world_from_camera;
         self.live.keyframes.add(keyframe);
         self.live.steps.earn();
         self.publisher.gaussians_changed();
         self.keep_to_budget();
+        Ok(world_from_camera)
+    }
+
+    fn close_loops(&mut self, keyframe: &mut Keyframe) -> Result<(), GpuError> {
+        let Self { live, trainer, tracker, closure, .. } = self;
+        let mut map = MapParts { live, trainer, tracker };
+        let closed = timed(CLOSURE_SECONDS, || closure.join(&mut map, keyframe))?;
+        if closed {
+            metrics::counter!(CLOSED_LOOPS).increment(1);
+            self.publisher.gaussians_changed();
+            self.publisher.poses_changed();
+        }
         Ok(())
     }
 

@@ -27,6 +27,11 @@ pub(super) struct PoseCandidate {
     /// Exposure (a, b): the map's intensity is exp(a) times the frame's plus b.
     pub exposure: [f64; 2],
     pub quality: AlignmentQuality,
+    /// Covariance of a left perturbation [rho metres, theta radians] of `base_from_camera`, where base is the
+    /// pose that the alignment began at, or the keyframe if there was one alone.
+    pub covariance: Matrix6<f64>,
+    /// The keyframe that it was found beside, if that is not connected with the newest.
+    pub beside: Option<u64>,
     /// Whether the pose was searched for far from the predicted one.
     pub jumped: bool,
 }
@@ -58,9 +63,23 @@ impl InitialPose {
 }
 
 impl PoseCandidate {
+    /// The same found beside this keyframe alone.
+    pub fn beside(self, keyframe: &Keyframe) -> Self {
+        let beside = (!keyframe.is_connected).then_some(keyframe.frame.sequence);
+        Self { beside, ..self }
+    }
+
     /// A given pose: it is not in doubt.
     pub fn given(world_from_camera: Isometry3<f64>) -> Self {
         let quality = AlignmentQuality::PERFECT;
-        Self { world_from_camera, exposure: [0.0; 2], quality, jumped: false }
+        let covariance = Matrix6::zeros();
+        Self {
+            world_from_camera,
+            exposure: [0.0; 2],
+            quality,
+            covariance,
+            beside: None,
+            jumped: false,
+        }
     }
 }

@@ -5,7 +5,9 @@
 //! initial pose. It is exact to a few centimetres, a start for an alignment.
 
 use super::super::features::Features;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{
+    Isometry3, Matrix2, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2,
+};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -29,6 +31,9 @@ type Pair = (Point3<f64>, Point3<f64>);
 pub(super) struct FeaturePose {
     pub keyframe_from_camera: Isometry3<f64>,
     pub pairs: usize,
+    /// How far the pairs are spread over the frame: the standard deviation in the direction in which it is
+    /// smallest, as the tangent of an angle.
+    pub spread: f64,
 }
 
 /// The motion between a frame and a keyframe that show the same corners.
@@ -58,8 +63,23 @@ pub(super) fn find(frame: &Features, keyframe: &Features) -> Option<FeaturePose>
             pairs.iter().filter(|pair| agrees(&motion, pair)).copied().collect();
         motion = fit(&agreeing)?;
     }
-    let count = pairs.iter().filter(|pair| agrees(&motion, pair)).count();
-    (count >= LEAST_PAIRS).then_some(FeaturePose { keyframe_from_camera: motion, pairs: count })
+    let agreeing: Vec<Pair> = pairs.iter().filter(|pair| agrees(&motion, pair)).copied().collect();
+    (agreeing.len() >= LEAST_PAIRS).then(|| FeaturePose {
+        keyframe_from_camera: motion,
+        pairs: agreeing.len(),
+        spread: spread(&agreeing),
+    })
+}
+
+/// The smaller standard deviation of the directions x/z, y/z of the frame's points.
+fn spread(pairs: &[Pair]) -> f64 {
+    let slopes = pairs.iter().map(|(point, _)| Vector2::new(point.x / point.z, point.y / point.z));
+    let count = pairs.len() as f64;
+    let mean = slopes.clone().sum::<Vector2<f64>>() / count;
+    let covariance: Matrix2<f64> =
+        slopes.map(|slope| (slope - mean) * (slope - mean).transpose()).sum::<Matrix2<f64>>()
+            / count;
+    covariance.symmetric_eigenvalues().min().max(0.0).sqrt()
 }
 
 fn tolerance(pair: &Pair) -> f64 {
@@ -118,5 +138,24 @@ mod tests {
         let flat = fit(&pairs[..3]).expect("three too");
         assert!(off(&flat) < 1e-9, "in a plane, where a mirror image fits as well: {flat}");
         assert!(off(&Isometry3::identity()) > 0.1);
+    }
+
+    #[test]
+    fn points_on_a_line_are_not_spread() {
+        let pairs = |slope: f64| -> Vec<Pair> {
+            (0..9)
+                .map(|i| {
+                    let (x, y) = (f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0);
+                    let point = Point3::new(x, slope * y, 2.0);
+                    (point, point)
+                })
+                .collect()
+        };
+        assert!(
+            (spread(&pairs(1.0)) - (1.0f64 / 6.0).sqrt()).abs() < 1e-9,
+            "{}",
+            spread(&pairs(1.0))
+        );
+        assert!(spread(&pairs(0.01)) < 0.01);
     }
 }

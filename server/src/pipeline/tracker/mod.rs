@@ -16,6 +16,7 @@
 //! changes the map. If the map is young and nothing can be tracked in it, it asks for a new beginning.
 
 mod candidate;
+mod comparison;
 mod config;
 mod feature_pose;
 mod frame_aligner;
@@ -26,20 +27,22 @@ mod photometric;
 mod quality;
 mod scene;
 mod search;
+mod uncertainty;
 mod young_map;
 
+pub(super) use comparison::Comparison;
 pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use scene::Scene;
 
 use super::downsampled_frame::DownsampledFrame;
 use super::features::Features;
 use super::frame::{Frame, TrackedPose, TrackingState};
-use super::keyframes::{Keyframe, Thumbnail};
+use super::keyframes::{Keyframe, KeyframeStore, Thumbnail};
 use candidate::{InitialPose, PoseCandidate};
 use feature_pose::FeaturePose;
 use frame_aligner::FrameAligner;
 use judge::Judge;
-use lexsplat_gpu::{Gpu, GpuError};
+use lexsplat_gpu::{Camera, Gpu, GpuError};
 use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
 use quality::{is_blank, usable_share};
@@ -116,10 +119,11 @@ impl Tracker {
             Some(pose) => Some(PoseCandidate::given(pose)),
             None => self.estimate(frame, scene)?,
         };
-        let Some(PoseCandidate { world_from_camera, exposure, jumped, quality }) = found else {
+        let Some(candidate) = found else {
             self.state = TrackingState::Lost;
             return self.lost(frame);
         };
+        let PoseCandidate { world_from_camera, exposure, jumped, quality, beside, .. } = candidate;
         if was_lost || jumped {
             self.motion.restart(world_from_camera, frame.timestamp_nanos);
         } else {
@@ -133,7 +137,8 @@ impl Tracker {
         }
         self.young.tracked(is_estimated, self.usable);
         let relocalised = (was_lost || jumped) && is_estimated;
-        let tracked = TrackedPose { world_from_camera, exposure, is_estimated, relocalised };
+        let tracked =
+            TrackedPose { world_from_camera, exposure, is_estimated, relocalised, beside };
         Ok(Tracking::Found(tracked))
     }
 
@@ -256,18 +261,27 @@ impl Tracker {
         let count = self.config.relocalise_keyframes;
         let mut matched: Vec<(FeaturePose, &Keyframe)> = scene
             .keyframes
-            .most_alike(&features, 2 * count)
+            .most_alike(&features, 2 * count, |_| true)
             .into_iter()
             .filter_map(|kf| Some((feature_pose::find(&features, &kf.features)?, kf)))
             .collect();
         matched.sort_by_key(|(pose, _)| Reverse(pose.pairs));
         for (pose, keyframe) in matched.into_iter().take(count) {
+            if search.has_found() && !keyframe.is_connected {
+                continue;
+            }
             let start = InitialPose::beside_keyframe(keyframe, &pose.keyframe_from_camera);
-            let mut references = self.references(scene, image, &start);
+            // The others drifted away from one that is not connected.
+            let mut references = if keyframe.is_connected {
+                self.references(scene, image, &start)
+            } else {
+                Vec::new()
+            };
             if !references.iter().any(|kf| kf.frame.sequence == keyframe.frame.sequence) {
                 references.push(keyframe);
             }
-            search.add(Origin::Features, aligner.align_with_map(scene, &start, &references)?);
+            let found = aligner.align_with_map(scene, &start, &references)?;
+            search.add(Origin::Features, found.beside(keyframe));
             if search.is_done() {
                 return Ok(());
             }
@@ -309,7 +323,9 @@ impl Tracker {
             if search.has_found() {
                 return Ok(());
             }
-            search.add(Origin::Far, aligner.align_with_map(scene, &start, &references)?);
+            let found = aligner.align_with_map(scene, &start, &references)?;
+            let first = references.first();
+            search.add(Origin::Far, first.map_or(found, |keyframe| found.beside(keyframe)));
         }
         Ok(())
     }
@@ -331,9 +347,46 @@ impl Tracker {
         image: &DownsampledFrame,
         start: &InitialPose,
     ) -> Vec<&'a Keyframe> {
-        let TrackerConfig { keyframes, keyframe_overlap, .. } = self.config;
-        let pose = &start.world_from_camera;
-        scene.keyframes.references(&image.camera, pose, keyframes, keyframe_overlap)
+        self.references_at(scene.keyframes, &image.camera, &start.world_from_camera)
+    }
+
+    /// The keyframes that a frame of a camera at this pose is aligned with.
+    pub fn references_at<'a>(
+        &self,
+        keyframes: &'a KeyframeStore,
+        camera: &Camera,
+        world_from_camera: &Isometry3<f64>,
+    ) -> Vec<&'a Keyframe> {
+        let TrackerConfig { keyframes: count, keyframe_overlap, .. } = self.config;
+        keyframes.references(camera, world_from_camera, count, keyframe_overlap)
+    }
+
+    /// See [`comparison::compare`].
+    pub fn compare<'a>(
+        &mut self,
+        keyframes: &[&'a Keyframe],
+    ) -> Result<Vec<(&'a Keyframe, Comparison)>, GpuError> {
+        let Self { aligner, config, .. } = self;
+        aligner.as_mut().map_or(Ok(Vec::new()), |al| comparison::compare(al, config, keyframes))
+    }
+
+    /// See [`comparison::recognise`].
+    pub fn recognise(
+        &mut self,
+        features: &Features,
+        keyframe: &Keyframe,
+    ) -> Result<Option<Comparison>, GpuError> {
+        let Self { aligner, config, judge, .. } = self;
+        let Some(aligner) = aligner else { return Ok(None) };
+        comparison::recognise(aligner, (config, judge), features, keyframe)
+    }
+
+    /// The map around the newest frame was moved by `moved_from_world`.
+    pub fn move_with_map(&mut self, moved_from_world: &Isometry3<f64>) {
+        self.motion.move_by(moved_from_world);
+        if let Some(aligner) = &mut self.aligner {
+            aligner.move_last(moved_from_world);
+        }
     }
 }
 

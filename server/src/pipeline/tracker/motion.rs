@@ -45,6 +45,11 @@ impl Motion {
         self.last = Some((world_from_camera, nanos));
     }
 
+    /// The map was moved by `moved_from_world`, and the camera with it. The velocity is relative to the camera.
+    pub fn move_by(&mut self, moved_from_world: &Isometry3<f64>) {
+        self.last = self.last.map(|(pose, nanos)| (moved_from_world * pose, nanos));
+    }
+
     /// Sets the pose after a jump: its velocity is unknown.
     pub fn restart(&mut self, world_from_camera: Isometry3<f64>, nanos: u64) {
         *self = Self { last: Some((world_from_camera, nanos)), velocity: None };
@@ -76,6 +81,12 @@ mod tests {
         assert!(off(&motion, 20, &screw(1.0)) > 0.03, "and standing still is another answer");
         assert!(off(&motion, 10_000, &screw(4.0)) < 1e-9, "a long pause is cut");
         assert!(off(&motion, 10, &screw(2.0)) < 1e-9, "without times, one frame is one step");
+        let moved = Isometry3::rotation(nalgebra::Vector3::new(0.1, 0.2, -0.3));
+        motion.move_by(&moved);
+        assert!(
+            off(&motion, 30, &(moved * screw(3.0))) < 1e-9,
+            "the map and the camera were moved"
+        );
         motion.restart(screw(5.0), 20);
         assert!(off(&motion, 30, &screw(5.0)) < 1e-12, "a restart stands still");
     }

@@ -14,8 +14,9 @@
 
 use super::super::exposure;
 use lexsplat_gpu::align::EXPOSURE_LIMIT;
+use lexsplat_gpu::align::se3::adjoint;
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
-use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix};
+use nalgebra::{Isometry3, SMatrix};
 
 /// Information of b, far above what images contribute, so that b is fixed.
 const OFFSET_INFORMATION: f64 = 1e12;
@@ -138,22 +139,9 @@ impl LinearMap {
     }
 }
 
-/// [R, [t]x R; 0, R]: T Exp(tau) = Exp(Ad tau) T for tau = [rho, theta].
-pub(super) fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
-    let rotation: Matrix3<f64> = motion.rotation.to_rotation_matrix().into_inner();
-    let mut adjoint = Matrix6::zeros();
-    adjoint.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
-    adjoint.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
-    let cross = motion.translation.vector.cross_matrix();
-    adjoint.fixed_view_mut::<3, 3>(0, 3).copy_from(&(cross * rotation));
-    adjoint
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lexsplat_gpu::align::se3;
-    use nalgebra::Vector6;
 
     #[test]
     fn a_large_gain_between_two_images_stays_within_what_the_device_takes() {
@@ -167,18 +155,5 @@ mod tests {
         assert_eq!(relative(2.0, -2.0), EXPOSURE_LIMIT, "a frame 50 times as dark");
         assert_eq!(relative(-2.0, 2.0), -EXPOSURE_LIMIT);
         assert_eq!(relative(1.0, -0.5), 1.5, "an ordinary gain is kept");
-    }
-
-    #[test]
-    fn the_adjoint_carries_a_perturbation_to_the_other_side() {
-        let motion = se3::exp(&Vector6::new(0.4, -0.2, 0.3, 0.5, -0.8, 0.2));
-        let tau = Vector6::new(0.1, 0.2, -0.1, 0.05, -0.1, 0.2);
-        let left = motion * se3::exp(&tau);
-        let right = |tau: Vector6<f64>| se3::exp(&tau) * motion;
-        let off = |a: &Isometry3<f64>, b: &Isometry3<f64>| {
-            (a.to_homogeneous() - b.to_homogeneous()).norm()
-        };
-        assert!(off(&left, &right(adjoint(&motion) * tau)) < 1e-9);
-        assert!(off(&left, &right(tau)) > 0.01, "it is not the same perturbation");
     }
 }

@@ -3,16 +3,20 @@
 //! In: downsampled frames, initial poses ([`InitialPose`]) and keyframes. Out: [`PoseCandidate`]s, which the
 //! tracker accepts or not.
 
+mod last;
+
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::Frame;
 use super::super::keyframes::Keyframe;
 use super::candidate::{InitialPose, PoseCandidate};
 use super::config::TrackerConfig;
-use super::multi_reference::{self, Reference, adjoint};
+use super::multi_reference::{self, Reference};
 use super::quality::{self, AlignmentQuality};
 use super::scene::Scene;
+use super::uncertainty;
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
+use lexsplat_gpu::align::se3::adjoint;
 
 use lexsplat_gpu::pyramid;
 use lexsplat_gpu::{
@@ -334,10 +338,13 @@ fn align(
         None => NormalSystem::default(),
     };
     let system = best.map(|at| &systems[at]);
+    let (with_exposure, stride) = (schedule.with_exposure, schedule.settings.stride);
     Ok(PoseCandidate {
         world_from_camera,
         exposure,
+        covariance: uncertainty::covariance(&aligned.system, with_exposure, stride),
         quality: AlignmentQuality::of(system, &seen_from_reference, conditioning),
+        beside: None,
         jumped: false,
     })
 }

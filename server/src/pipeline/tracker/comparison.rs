@@ -1,0 +1,91 @@
+//! Compares the newest tracked frame with single keyframes.
+//!
+//! In: keyframes, and where the frame is relative to them. Out: measured relative poses with covariances,
+//! which the pose graph is made of. The pose of the frame does not change.
+
+use super::super::features::Features;
+use super::super::keyframes::Keyframe;
+use super::candidate::PoseCandidate;
+use super::config::TrackerConfig;
+use super::feature_pose;
+use super::frame_aligner::{FrameAligner, distance};
+use super::judge::Judge;
+use lexsplat_gpu::GpuError;
+use nalgebra::{Isometry3, Matrix6};
+
+/// A place is recognised by at least this many matched features,
+const LEAST_PAIRS: usize = 15;
+/// spread over the picture by at least this standard deviation, as the tangent of an angle,
+const LEAST_SPREAD: f64 = 0.08;
+/// with at least this share of the picture in view of the keyframe,
+const LEAST_OVERLAP: f64 = 0.4;
+/// and with an aligned pose that is as near to that of the features as this, metres
+const NEAR_METRES: f64 = 0.1;
+/// and radians.
+const NEAR_RADIANS: f64 = 0.05;
+
+/// A measured pose of the newest frame relative to a keyframe.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Comparison {
+    pub keyframe_from_camera: Isometry3<f64>,
+    /// Covariance of a left perturbation [rho metres, theta radians], in the keyframe's coordinates.
+    pub covariance: Matrix6<f64>,
+}
+
+impl Comparison {
+    fn new(keyframe: &Keyframe, found: &PoseCandidate) -> Self {
+        let world_from_keyframe = keyframe.frame.world_from_camera;
+        let keyframe_from_camera = world_from_keyframe.inverse() * found.world_from_camera;
+        Self { keyframe_from_camera, covariance: found.covariance }
+    }
+}
+
+/// Measures the pose of the newest tracked frame relative to keyframes where it was tracked. One that it does
+/// not fit is left out.
+///
+/// # Errors
+/// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+pub(super) fn compare<'a>(
+    aligner: &mut FrameAligner,
+    config: &TrackerConfig,
+    keyframes: &[&'a Keyframe],
+) -> Result<Vec<(&'a Keyframe, Comparison)>, GpuError> {
+    let mut compared = Vec::new();
+    for keyframe in keyframes {
+        let Some(found) = aligner.compare_last(keyframe, keyframes)? else { break };
+        if found.quality.is_aligned(config) {
+            compared.push((*keyframe, Comparison::new(keyframe, &found)));
+        }
+    }
+    Ok(compared)
+}
+
+/// Measures the pose of the newest tracked frame relative to a keyframe that shows the same place, without an
+/// idea of where it is; `None` unless that is beyond doubt, judged by these two pictures alone.
+///
+/// # Errors
+/// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+pub(super) fn recognise(
+    aligner: &mut FrameAligner,
+    (config, judge): (&TrackerConfig, &Judge),
+    features: &Features,
+    keyframe: &Keyframe,
+) -> Result<Option<Comparison>, GpuError> {
+    let Some(start) = feature_pose::find(features, &keyframe.features) else { return Ok(None) };
+    tracing::debug!(keyframe = keyframe.frame.sequence, start.pairs, start.spread, "matched");
+    if start.pairs < LEAST_PAIRS || start.spread < LEAST_SPREAD {
+        return Ok(None);
+    }
+    let Some(found) = aligner.align_last(keyframe, &start.keyframe_from_camera)? else {
+        return Ok(None);
+    };
+    let comparison = Comparison::new(keyframe, &found);
+    let (metres, radians) = distance(&start.keyframe_from_camera, &comparison.keyframe_from_camera);
+    tracing::debug!(metres, radians, quality = ?found.quality, "aligned with a keyframe");
+    let is_sure = metres <= NEAR_METRES
+        && radians <= NEAR_RADIANS
+        && found.quality.overlap >= LEAST_OVERLAP
+        && found.quality.is_relocalised(config)
+        && judge.is_convincing(&found.quality, config);
+    Ok(is_sure.then_some(comparison))
+}

@@ -1,0 +1,82 @@
+//! The last tracked frame compared with single keyframes.
+
+use super::super::super::keyframes::Keyframe;
+use super::super::candidate::PoseCandidate;
+use super::super::multi_reference::Reference;
+use super::{FrameAligner, align};
+use lexsplat_gpu::{Estimate, GpuError, Schedule};
+use nalgebra::Isometry3;
+
+/// Narrow alignments after the wide one.
+const NARROW: usize = 2;
+
+impl FrameAligner {
+    /// How well the last tracked frame agrees with a keyframe where it was tracked; `None` if there is none.
+    /// `keyframes`: all that it is compared with, so that they stay on the device.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn compare_last(
+        &mut self,
+        keyframe: &Keyframe,
+        keyframes: &[&Keyframe],
+    ) -> Result<Option<PoseCandidate>, GpuError> {
+        let Some(last) = self.last_found else { return Ok(None) };
+        self.upload_keyframes(keyframes)?;
+        let schedule = Schedule { steps: vec![0], ..self.schedule(false, None) };
+        let pose = keyframe.frame.world_from_camera.inverse() * last.world_from_camera;
+        self.align_last_from(keyframe, &pose, last.exposure, &schedule).map(Some)
+    }
+
+    /// Aligns the last tracked frame with a keyframe alone, from a start that may be a few centimetres off;
+    /// `None` if there is no such frame.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn align_last(
+        &mut self,
+        keyframe: &Keyframe,
+        keyframe_from_camera: &Isometry3<f64>,
+    ) -> Result<Option<PoseCandidate>, GpuError> {
+        let Some(last) = self.last_found else { return Ok(None) };
+        self.upload_keyframes(&[keyframe])?;
+        let (wide, narrow) = (self.schedule(true, None), self.schedule(false, None));
+        let world_from_keyframe = keyframe.frame.world_from_camera;
+        let mut found =
+            self.align_last_from(keyframe, keyframe_from_camera, last.exposure, &wide)?;
+        for _ in 0..NARROW {
+            let start = world_from_keyframe.inverse() * found.world_from_camera;
+            found = self.align_last_from(keyframe, &start, found.exposure, &narrow)?;
+        }
+        Ok(Some(found))
+    }
+
+    /// The map around the last tracked frame was moved.
+    pub fn move_last(&mut self, moved_from_world: &Isometry3<f64>) {
+        if let Some(last) = &mut self.last_found {
+            last.world_from_camera = moved_from_world * last.world_from_camera;
+        }
+    }
+
+    fn align_last_from(
+        &mut self,
+        keyframe: &Keyframe,
+        keyframe_from_camera: &Isometry3<f64>,
+        exposure: [f64; 2],
+        schedule: &Schedule,
+    ) -> Result<PoseCandidate, GpuError> {
+        let sequence = keyframe.frame.sequence;
+        let uploaded = self.keyframes.iter().find(|(uploaded, _)| *uploaded == sequence);
+        let (_, pyramid) = uploaded.expect("the keyframe was uploaded");
+        let world_from_reference = keyframe.frame.world_from_camera;
+        let reference = Reference {
+            pyramid,
+            world_from_reference,
+            exposure: keyframe.map_exposure,
+            weight: 1.0,
+        };
+        let start = Estimate { reference_from_live: *keyframe_from_camera, exposure };
+        let aligner = &mut self.aligner;
+        align(aligner, &[reference], &self.last, &world_from_reference, &start, schedule)
+    }
+}
