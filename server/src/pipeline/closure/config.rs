@@ -37,10 +37,10 @@ impl Default for ClosureConfig {
     fn default() -> Self {
         Self {
             enabled: true,
-            connected_metres: 0.01,
+            connected_metres: 0.02,
             overlap: 0.3,
             candidates: 4,
-            correction_metres: 0.002,
+            correction_metres: 0.01,
         }
     }
 }

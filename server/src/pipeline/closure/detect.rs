@@ -6,8 +6,8 @@
 //! errors of a path may add up more than the graph expects. And a second keyframe must confirm it: another old
 //! one at once, or one of the next new ones.
 
-use super::super::frame::TrackedFrame;
 use super::super::keyframes::Keyframe;
+use super::super::live_map::LiveMap;
 use super::super::pose_graph::{Edge, disagreement, inverted};
 use super::super::tracker::Comparison;
 use super::config::ClosureConfig;
@@ -29,6 +29,12 @@ const SAME_RADIANS: f64 = 0.02;
 const PATIENCE: usize = 5;
 /// From this uncertainty on, metres, the predicted view says nothing.
 const FAR_OFF_METRES: f64 = 0.3;
+/// Up to this uncertainty, metres, an alignment may start from the predicted pose.
+const NEAR_METRES: f64 = 0.1;
+/// After this many recognised keyframes no others are compared.
+const ENOUGH: usize = 2;
+/// This many keyframes are compared because of their view, whether or not they share features.
+const IN_VIEW: usize = 2;
 
 /// An old keyframe that the new one was recognised beside.
 #[derive(Clone, Debug)]
@@ -70,22 +76,12 @@ impl Detection {
         let poses = poses(map.live, &pose);
         let covariances = map.live.graph.covariances_from(node, &poses);
         let uncertain = map.live.graph.uncertainty_from(node, &poses);
-        let graph = &map.live.graph;
-        let node_of = |frame: &TrackedFrame| graph.node(frame.sequence);
-        let is_candidate = |old: &Keyframe| {
-            let uncertain = node_of(&old.frame).map(|old| uncertain[old]);
-            let uncertain = uncertain.unwrap_or(f64::INFINITY);
-            uncertain > config.connected_metres
-                && (uncertain > FAR_OFF_METRES
-                    || old.overlap(&keyframe.tracking.camera, &pose) >= config.overlap)
-        };
-        let candidates =
-            map.live.keyframes.most_alike(&keyframe.features, config.candidates, is_candidate);
         let mut found: Vec<Recognised> = Vec::new();
-        for old in candidates {
-            let Some(measured) = map.tracker.recognise(&keyframe.features, old)? else { continue };
-            let Some(first) = node_of(&old.frame) else { continue };
-            let Some(path) = &covariances[first] else { continue };
+        for (first, old) in candidates(map.live, keyframe, &uncertain, config) {
+            let old_from_camera = old.frame.world_from_camera.inverse() * pose;
+            let expected = (uncertain[first] <= NEAR_METRES).then_some(old_from_camera);
+            let measured = map.tracker.recognise(&keyframe.features, old, expected)?;
+            let Some((measured, path)) = measured.zip(covariances[first]) else { continue };
             let path = path * PATH_FACTOR + share_of_path(&poses[first..]);
             if !agrees_with_path(&pose, old, &measured, &path) {
                 tracing::info!(
@@ -96,6 +92,9 @@ impl Detection {
                 continue;
             }
             found.push(recognised(&pose, old, &measured, [first, node]));
+            if found.len() == ENOUGH {
+                break;
+            }
         }
         Ok(self.confirmed(found, &pose))
     }
@@ -113,6 +112,39 @@ impl Detection {
         self.waiting = all.into_iter().next();
         Vec::new()
     }
+}
+
+/// Keyframes, with their nodes, that may show what the new one shows: those that share most features, and those
+/// that the new one sees most of. `uncertain`: of each node relative to the new one, metres.
+fn candidates<'a>(
+    live: &'a LiveMap,
+    keyframe: &Keyframe,
+    uncertain: &[f64],
+    config: &ClosureConfig,
+) -> Vec<(usize, &'a Keyframe)> {
+    let pose = &keyframe.frame.world_from_camera;
+    let overlap = |old: &Keyframe| old.overlap(&keyframe.tracking.camera, pose);
+    let uncertain = |old: &Keyframe| {
+        let node = live.graph.node(old.frame.sequence);
+        node.map_or(f64::INFINITY, |node| uncertain[node])
+    };
+    let is_candidate = |old: &Keyframe| {
+        let uncertain = uncertain(old);
+        uncertain > config.connected_metres
+            && (uncertain > FAR_OFF_METRES || overlap(old) >= config.overlap)
+    };
+    let mut found = live.keyframes.most_alike(&keyframe.features, config.candidates, is_candidate);
+    let is_near = |old: &&Keyframe| uncertain(old) <= NEAR_METRES && is_candidate(old);
+    let mut in_view: Vec<(f64, &Keyframe)> =
+        live.keyframes.iter().filter(is_near).map(|old| (overlap(old), old)).collect();
+    in_view.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (_, old) in in_view.into_iter().take(IN_VIEW) {
+        if !found.iter().any(|other| other.frame.sequence == old.frame.sequence) {
+            found.push(old);
+        }
+    }
+    let with_node = |old: &'a Keyframe| Some((live.graph.node(old.frame.sequence)?, old));
+    found.into_iter().filter_map(with_node).collect()
 }
 
 fn recognised(

@@ -65,7 +65,7 @@ pub(in super::super) fn disagreement(
 }
 
 /// How far surfaces are misplaced, metres (standard deviation): of the position, and of the rotation at
-/// [`DISTANCE_METRES`].
+/// two metres.
 pub(super) fn expected_metres(covariance: &Matrix6<f64>) -> f64 {
     let trace = |from: usize| (from..from + 3).map(|i| covariance[(i, i)]).sum::<f64>();
     (trace(0) + DISTANCE_METRES.powi(2) * trace(3)).sqrt()

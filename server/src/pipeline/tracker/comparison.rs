@@ -7,7 +7,7 @@ use super::super::features::Features;
 use super::super::keyframes::Keyframe;
 use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
-use super::feature_pose;
+use super::feature_pose::{self, FeaturePose};
 use super::frame_aligner::{FrameAligner, distance};
 use super::judge::Judge;
 use lexsplat_gpu::GpuError;
@@ -19,7 +19,7 @@ const LEAST_PAIRS: usize = 15;
 const LEAST_SPREAD: f64 = 0.08;
 /// with at least this share of the picture in view of the keyframe,
 const LEAST_OVERLAP: f64 = 0.4;
-/// and with an aligned pose that is as near to that of the features as this, metres
+/// and with an aligned pose that is as near to its start as this, metres
 const NEAR_METRES: f64 = 0.1;
 /// and radians.
 const NEAR_RADIANS: f64 = 0.05;
@@ -60,8 +60,9 @@ pub(super) fn compare<'a>(
     Ok(compared)
 }
 
-/// Measures the pose of the newest tracked frame relative to a keyframe that shows the same place, without an
-/// idea of where it is; `None` unless that is beyond doubt, judged by these two pictures alone.
+/// Measures the pose of the newest tracked frame relative to a keyframe that shows the same place; `None` unless
+/// that is beyond doubt, judged by these two pictures alone. It starts from matched features, or else from
+/// where the camera is expected, if that is known to a few centimetres.
 ///
 /// # Errors
 /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
@@ -70,17 +71,17 @@ pub(super) fn recognise(
     (config, judge): (&TrackerConfig, &Judge),
     features: &Features,
     keyframe: &Keyframe,
+    expected: Option<Isometry3<f64>>,
 ) -> Result<Option<Comparison>, GpuError> {
-    let Some(start) = feature_pose::find(features, &keyframe.features) else { return Ok(None) };
-    tracing::debug!(keyframe = keyframe.frame.sequence, start.pairs, start.spread, "matched");
-    if start.pairs < LEAST_PAIRS || start.spread < LEAST_SPREAD {
-        return Ok(None);
-    }
-    let Some(found) = aligner.align_last(keyframe, &start.keyframe_from_camera)? else {
-        return Ok(None);
-    };
+    let matched = feature_pose::find(features, &keyframe.features);
+    tracing::debug!(keyframe = keyframe.frame.sequence, ?matched);
+    let is_matched =
+        |found: &FeaturePose| found.pairs >= LEAST_PAIRS && found.spread >= LEAST_SPREAD;
+    let matched = matched.filter(is_matched).map(|found| found.keyframe_from_camera);
+    let Some(start) = matched.or(expected) else { return Ok(None) };
+    let Some(found) = aligner.align_last(keyframe, &start)? else { return Ok(None) };
     let comparison = Comparison::new(keyframe, &found);
-    let (metres, radians) = distance(&start.keyframe_from_camera, &comparison.keyframe_from_camera);
+    let (metres, radians) = distance(&start, &comparison.keyframe_from_camera);
     tracing::debug!(metres, radians, quality = ?found.quality, "aligned with a keyframe");
     let is_sure = metres <= NEAR_METRES
         && radians <= NEAR_RADIANS

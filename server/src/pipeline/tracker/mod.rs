@@ -272,11 +272,8 @@ impl Tracker {
             }
             let start = InitialPose::beside_keyframe(keyframe, &pose.keyframe_from_camera);
             // The others drifted away from one that is not connected.
-            let mut references = if keyframe.is_connected {
-                self.references(scene, image, &start)
-            } else {
-                Vec::new()
-            };
+            let beside_all = keyframe.is_connected.then(|| self.references(scene, image, &start));
+            let mut references = beside_all.unwrap_or_default();
             if !references.iter().any(|kf| kf.frame.sequence == keyframe.frame.sequence) {
                 references.push(keyframe);
             }
@@ -361,7 +358,10 @@ impl Tracker {
         keyframes.references(camera, world_from_camera, count, keyframe_overlap)
     }
 
-    /// See [`comparison::compare`].
+    /// Measures the pose of the newest tracked frame relative to keyframes, where it was tracked.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn compare<'a>(
         &mut self,
         keyframes: &[&'a Keyframe],
@@ -370,15 +370,20 @@ impl Tracker {
         aligner.as_mut().map_or(Ok(Vec::new()), |al| comparison::compare(al, config, keyframes))
     }
 
-    /// See [`comparison::recognise`].
+    /// Measures the pose of the newest tracked frame relative to a keyframe that may show the same place.
+    /// `expected`: `keyframe_from_camera`, if it is known to a few centimetres.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn recognise(
         &mut self,
         features: &Features,
         keyframe: &Keyframe,
+        expected: Option<Isometry3<f64>>,
     ) -> Result<Option<Comparison>, GpuError> {
         let Self { aligner, config, judge, .. } = self;
         let Some(aligner) = aligner else { return Ok(None) };
-        comparison::recognise(aligner, (config, judge), features, keyframe)
+        comparison::recognise(aligner, (config, judge), features, keyframe, expected)
     }
 
     /// The map around the newest frame was moved by `moved_from_world`.

@@ -3,7 +3,7 @@
 use super::super::super::keyframes::Keyframe;
 use super::super::candidate::PoseCandidate;
 use super::super::multi_reference::Reference;
-use super::{FrameAligner, align};
+use super::{CHECKED_STRIDE, FrameAligner, MAX_STRIDE, align};
 use lexsplat_gpu::{Estimate, GpuError, Schedule};
 use nalgebra::Isometry3;
 
@@ -23,7 +23,9 @@ impl FrameAligner {
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let Some(last) = self.last_found else { return Ok(None) };
         self.upload_keyframes(keyframes)?;
-        let schedule = Schedule { steps: vec![0], ..self.schedule(false, None) };
+        let mut schedule = Schedule { steps: vec![0], ..self.schedule(false, None) };
+        let stride = schedule.settings.stride * CHECKED_STRIDE;
+        schedule.settings.stride = stride.min(MAX_STRIDE as u32);
         let pose = keyframe.frame.world_from_camera.inverse() * last.world_from_camera;
         self.align_last_from(keyframe, &pose, last.exposure, &schedule).map(Some)
     }
