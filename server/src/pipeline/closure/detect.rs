@@ -33,8 +33,8 @@ const FAR_OFF_METRES: f64 = 0.3;
 const NEAR_METRES: f64 = 0.1;
 /// After this many recognised keyframes no others are compared.
 const ENOUGH: usize = 2;
-/// This many keyframes are compared because of their view, whether or not they share features.
-const IN_VIEW: usize = 2;
+/// A keyframe is also compared without shared features if the new one sees at least this share of it.
+const IN_VIEW: f64 = 0.6;
 
 /// An old keyframe that the new one was recognised beside.
 #[derive(Clone, Debug)]
@@ -79,7 +79,9 @@ impl Detection {
         let mut found: Vec<Recognised> = Vec::new();
         for (first, old) in candidates(map.live, keyframe, &uncertain, config) {
             let old_from_camera = old.frame.world_from_camera.inverse() * pose;
-            let expected = (uncertain[first] <= NEAR_METRES).then_some(old_from_camera);
+            let is_near = uncertain[first] <= NEAR_METRES
+                && old.overlap(&keyframe.tracking.camera, &pose) >= IN_VIEW;
+            let expected = is_near.then_some(old_from_camera);
             let measured = map.tracker.recognise(&keyframe.features, old, expected)?;
             let Some((measured, path)) = measured.zip(covariances[first]) else { continue };
             let path = path * PATH_FACTOR + share_of_path(&poses[first..]);
@@ -134,15 +136,14 @@ fn candidates<'a>(
             && (uncertain > FAR_OFF_METRES || overlap(old) >= config.overlap)
     };
     let mut found = live.keyframes.most_alike(&keyframe.features, config.candidates, is_candidate);
-    let is_near = |old: &&Keyframe| uncertain(old) <= NEAR_METRES && is_candidate(old);
-    let mut in_view: Vec<(f64, &Keyframe)> =
-        live.keyframes.iter().filter(is_near).map(|old| (overlap(old), old)).collect();
-    in_view.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (_, old) in in_view.into_iter().take(IN_VIEW) {
-        if !found.iter().any(|other| other.frame.sequence == old.frame.sequence) {
-            found.push(old);
-        }
-    }
+    let in_view = live.keyframes.iter().filter(|old| is_candidate(old));
+    let in_view = in_view.filter(|old| uncertain(old) <= NEAR_METRES && overlap(old) >= IN_VIEW);
+    // The oldest one has drifted least.
+    let oldest = in_view
+        .take(1)
+        .filter(|old| !found.iter().any(|other| other.frame.sequence == old.frame.sequence));
+    let oldest: Vec<&Keyframe> = oldest.collect();
+    found.extend(oldest);
     let with_node = |old: &'a Keyframe| Some((live.graph.node(old.frame.sequence)?, old));
     found.into_iter().filter_map(with_node).collect()
 }

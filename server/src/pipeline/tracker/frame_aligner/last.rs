@@ -7,8 +7,8 @@ use super::{CHECKED_STRIDE, FrameAligner, MAX_STRIDE, align};
 use lexsplat_gpu::{Estimate, GpuError, Schedule};
 use nalgebra::Isometry3;
 
-/// Narrow alignments after the wide one.
-const NARROW: usize = 2;
+/// Alignments with a keyframe, each from where the one before ended.
+const ALIGNMENTS: usize = 2;
 
 impl FrameAligner {
     /// How well the last tracked frame agrees with a keyframe where it was tracked; `None` if there is none.
@@ -42,13 +42,13 @@ impl FrameAligner {
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let Some(last) = self.last_found else { return Ok(None) };
         self.upload_keyframes(&[keyframe])?;
-        let (wide, narrow) = (self.schedule(true, None), self.schedule(false, None));
+        let schedule = self.schedule(false, None);
         let world_from_keyframe = keyframe.frame.world_from_camera;
         let mut found =
-            self.align_last_from(keyframe, keyframe_from_camera, last.exposure, &wide)?;
-        for _ in 0..NARROW {
+            self.align_last_from(keyframe, keyframe_from_camera, last.exposure, &schedule)?;
+        for _ in 1..ALIGNMENTS {
             let start = world_from_keyframe.inverse() * found.world_from_camera;
-            found = self.align_last_from(keyframe, &start, found.exposure, &narrow)?;
+            found = self.align_last_from(keyframe, &start, found.exposure, &schedule)?;
         }
         Ok(Some(found))
     }
