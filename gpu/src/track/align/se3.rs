@@ -18,7 +18,7 @@ pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     Vector6::new(rho.x, rho.y, rho.z, theta.x, theta.y, theta.z)
 }
 
-/// [R, [t]x R; 0, R]: T Exp(tau) = Exp(Ad tau) T for tau = [rho, theta].
+/// The adjoint `[R, [t]x R; 0, R]`: T Exp(tau) = Exp(Ad tau) T for a twist tau.
 pub fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
     let rotation: Matrix3<f64> = motion.rotation.to_rotation_matrix().into_inner();
     let mut adjoint = Matrix6::zeros();
