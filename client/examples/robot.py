@@ -186,6 +186,8 @@ def main():
         keyframes += ack.keyframe
         if ack.status == STATUS_REFUSED:
             print(f"frame {ack.sequence} was refused: {ack.refused_field}: {ack.refused_reason}")
+        for warning in ack.input_warnings:
+            print(f"frame {ack.sequence}: {warning.message}")
     print(f"{tracked} frames tracked, {keyframes} keyframes")
 
 

@@ -57,6 +57,9 @@ pub async fn send(dataset: Replica, map: &str, grpc: &str) -> Result<usize, Box<
     });
     let mut tracked = 0;
     while let Some(ack) = acks.next().await? {
+        for warning in &ack.input_warnings {
+            println!("frame {}: {}", ack.sequence, warning.message);
+        }
         tracked += usize::from(ack.status() == FrameStatus::Tracked);
         let keyframe = if ack.keyframe { ", keyframe" } else { "" };
         match ack.status() {

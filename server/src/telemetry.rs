@@ -23,6 +23,8 @@ pub(crate) const FRAME_SECONDS: &str = "lexsplat_frame_seconds";
 pub(crate) const LANGUAGE_SECONDS: &str = "lexsplat_language_seconds";
 /// Histogram: seconds to track a frame; close to 0 if its pose is given.
 pub(crate) const TRACKING_SECONDS: &str = "lexsplat_tracking_seconds";
+/// Histogram: seconds to examine whether a frame's poses and depth are as they should be.
+pub(crate) const INPUT_CHECK_SECONDS: &str = "lexsplat_input_check_seconds";
 /// Histogram: seconds to insert the new Gaussians of a keyframe.
 pub(crate) const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
 /// Histogram: seconds per optimiser step.
@@ -136,6 +138,10 @@ fn describe() {
     );
     metrics::describe_histogram!(LANGUAGE_SECONDS, "Seconds of the networks per keyframe");
     metrics::describe_histogram!(TRACKING_SECONDS, "Seconds to track a frame");
+    metrics::describe_histogram!(
+        INPUT_CHECK_SECONDS,
+        "Seconds to examine a frame's poses and depth"
+    );
     metrics::describe_histogram!(
         INSERTION_SECONDS,
         "Seconds to insert the new Gaussians of a keyframe"

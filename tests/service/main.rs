@@ -10,6 +10,7 @@ mod evaluate;
 mod examples;
 mod exports;
 mod faults;
+mod input_check;
 mod labels;
 mod load;
 mod memory;

@@ -10,8 +10,12 @@ pub fn progress_bar(frames: u64) -> ProgressBar {
     ProgressBar::new(frames).with_style(style)
 }
 
-/// Shows the progress of a stream on the bar.
+/// Shows the progress of a stream on the bar, and above it what is wrong with the frames.
 pub fn show(bar: &ProgressBar, progress: &Progress) {
+    for warning in &progress.input_warnings {
+        let (sequence, message) = (warning.sequence, &warning.message);
+        bar.suspend(|| eprintln!("lexsplat: warning (frame {sequence}): {message}"));
+    }
     bar.set_length(progress.total);
     bar.set_position(progress.acknowledged);
     let state = match progress.status {

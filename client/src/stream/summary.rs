@@ -1,6 +1,6 @@
 //! Progress and outcome of a stream, counted from its acknowledgements.
 
-use lexsplat_proto::v1::{FrameAck, FrameStatus};
+use lexsplat_proto::v1::{self, FrameAck, FrameStatus, InputProblem};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -8,7 +8,7 @@ use std::time::Instant;
 const LISTED_REFUSALS: usize = 5;
 
 /// Progress of a stream, after each acknowledgement.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
     /// Frames acknowledged in this stream.
     pub acknowledged: u64,
@@ -22,6 +22,42 @@ pub struct Progress {
     pub queue_capacity: u32,
     /// Frames acknowledged per second since the stream opened.
     pub frames_per_second: f64,
+    /// What the server says for the first time is probably wrong with the frames.
+    pub input_warnings: Vec<InputWarning>,
+}
+
+/// What is probably wrong with the frames of a stream. They are mapped all the same.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct InputWarning {
+    /// Number of the frame with which the server noticed it.
+    pub sequence: u64,
+    /// `depth_unit`, `inverted_poses`, `camera_axes` or `unregistered_depth`.
+    pub problem: String,
+    /// What is wrong, how sure that is, and what to do.
+    pub message: String,
+}
+
+impl InputWarning {
+    /// The warnings of an acknowledgement.
+    fn of(ack: &FrameAck) -> Vec<Self> {
+        let warning = |warning: &v1::InputWarning| Self {
+            sequence: ack.sequence,
+            problem: problem_name(warning.problem()).into(),
+            message: warning.message.clone(),
+        };
+        ack.input_warnings.iter().map(warning).collect()
+    }
+}
+
+/// The name of a problem, the same as over HTTP.
+fn problem_name(problem: InputProblem) -> &'static str {
+    match problem {
+        InputProblem::Unspecified => "unspecified",
+        InputProblem::DepthUnit => "depth_unit",
+        InputProblem::InvertedPoses => "inverted_poses",
+        InputProblem::CameraAxes => "camera_axes",
+        InputProblem::UnregisteredDepth => "unregistered_depth",
+    }
 }
 
 /// A frame that the server refused.
@@ -52,6 +88,8 @@ pub struct Summary {
     pub refused: u64,
     /// The first refused frames, with reasons.
     pub refusals: Vec<Refusal>,
+    /// What is probably wrong with the frames, each problem once.
+    pub input_warnings: Vec<InputWarning>,
     /// Numbers of the frames that became keyframes.
     pub keyframes: Vec<u64>,
     /// Seconds from the opening of the stream to the last acknowledgement.
@@ -100,6 +138,7 @@ impl Tally {
             }
             FrameStatus::Lost | FrameStatus::Opened | FrameStatus::Unspecified => summary.lost += 1,
         }
+        summary.input_warnings.extend(InputWarning::of(ack));
         if ack.keyframe {
             summary.keyframes.push(ack.sequence);
         }
@@ -117,6 +156,7 @@ impl Tally {
             queue_depth: ack.queue_depth,
             queue_capacity: ack.queue_capacity,
             frames_per_second: self.summary.frames_per_second,
+            input_warnings: InputWarning::of(ack),
         }
     }
 }

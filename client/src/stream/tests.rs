@@ -4,7 +4,8 @@ use crate::dataset::{
     Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame,
 };
 use crate::stream::{
-    ClientError, Encoder, FrameAck, FrameStatus, Poses, Refusal, StreamOptions, Summary, stream,
+    ClientError, Encoder, FrameAck, FrameStatus, InputWarning, Poses, Refusal, StreamOptions,
+    Summary, stream,
 };
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::v1::{self, FrameMessage, frame_message::Message};
@@ -97,9 +98,16 @@ impl StandIn {
             map_revision: 10 + sequence,
             queue_depth: 1,
             queue_capacity: 4,
+            input_warnings: (sequence == 4).then(inverted).into_iter().collect(),
             ..FrameAck::default()
         })
     }
+}
+
+/// What the stand-in says of frame 4.
+fn inverted() -> v1::InputWarning {
+    let problem = v1::InputProblem::InvertedPoses.into();
+    v1::InputWarning { problem, message: "send the inverse".into() }
 }
 
 #[tonic::async_trait]
@@ -197,11 +205,15 @@ async fn all_frames_are_sent_in_order_and_counted() {
     let options = serve(service.clone()).await;
     let mut seen = Vec::new();
     let dataset = Arc::new(Numbers((0..12).collect()));
-    let summary = stream(dataset, &options, |progress| seen.push(*progress)).await.unwrap();
+    let summary = stream(dataset, &options, |progress| seen.push(progress.clone())).await.unwrap();
     let counts = (summary.sent, summary.tracked, summary.lost, summary.refused);
     assert_eq!((counts, summary.resumed_past), ((12, 11, 0, 1), 0));
     let refusal = Refusal { sequence: 3, field: "depth".into(), reason: "expected another".into() };
     assert_eq!(summary.refusals, [refusal]);
+    let warning =
+        InputWarning { sequence: 4, problem: "inverted_poses".into(), message: inverted().message };
+    let told: Vec<_> = seen.iter().flat_map(|progress| progress.input_warnings.clone()).collect();
+    assert_eq!((&summary.input_warnings[..], &told), (&[warning.clone()][..], &vec![warning]));
     assert_eq!(summary.keyframes, [0, 2, 4, 6, 8, 10]);
     assert_eq!((summary.durable_through, summary.map_revision), (Some(5), 21));
     assert!(summary.seconds > 0.0 && summary.frames_per_second > 0.0, "{summary:?}");

@@ -17,6 +17,18 @@ pub struct FrameEvent {
     pub revision: u64,
 }
 
+/// Event "input_warning": the frames of a stream are probably wrong.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct InputWarningEvent {
+    /// The frame with which it was noticed.
+    pub sequence: u64,
+    /// "depth_unit", "inverted_poses", "camera_axes" or "unregistered_depth".
+    pub problem: String,
+    /// What is wrong, how sure that is, and what to do.
+    pub message: String,
+}
+
 /// Event "revision": a newer map has been published to queries.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]

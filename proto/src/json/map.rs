@@ -51,6 +51,20 @@ pub struct Status {
     /// What is wrong with the recording that the map was rebuilt from; absent if nothing is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording_damage: Option<String>,
+    /// What is probably wrong with the frames that were sent, one entry for each problem; left out if
+    /// there is none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub input_warnings: Vec<InputWarning>,
+}
+
+/// What is probably wrong with frames. They are mapped all the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct InputWarning {
+    /// "depth_unit", "inverted_poses", "camera_axes" or "unregistered_depth".
+    pub problem: String,
+    /// What is wrong, how sure that is, and what to do.
+    pub message: String,
 }
 
 /// All maps, sorted by name.

@@ -17,9 +17,9 @@ mod segmentation;
 
 pub use answer::{Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, Timing};
 pub use camera::{Camera, View};
-pub use event::{FrameEvent, MissedEvent, RevisionEvent};
+pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RevisionEvent};
 pub use health::Health;
-pub use map::{Frames, Keyframe, Maps, NewMap, Status};
+pub use map::{Frames, InputWarning, Keyframe, Maps, NewMap, Status};
 pub use problem::Problem;
 pub use question::{Bounds, Question};
 pub use render::{Channel, RenderRequest};

@@ -136,6 +136,7 @@ fn maps_and_keyframes() {
         settled: true,
         failure: None,
         recording_damage: None,
+        input_warnings: Vec::new(),
     };
     let json = concat!(
         r#"{"name":"room","revision":1,"frames_received":2,"frames_tracked":3,"frames_lost":4,"#,

@@ -13,7 +13,7 @@ use crate::pipeline::map::{MapEvent, NumberedEvent};
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
-use lexsplat_proto::json::{self, FrameEvent, MissedEvent, RevisionEvent};
+use lexsplat_proto::json::{self, FrameEvent, InputWarningEvent, MissedEvent, RevisionEvent};
 use serde::Serialize;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -58,6 +58,12 @@ impl Reader {
         self.seen = event.id;
         match &event.event {
             MapEvent::Frame(outcome) => server_sent("frame", Some(event.id), &frame_event(outcome)),
+            MapEvent::InputWarning { sequence, warning } => {
+                let sequence = *sequence;
+                let (problem, message) = (warning.problem.as_str().into(), warning.message.clone());
+                let warning = InputWarningEvent { sequence, problem, message };
+                server_sent("input_warning", Some(event.id), &warning)
+            }
             MapEvent::Revision { revision, gaussians, keyframes } => {
                 let (revision, gaussians, keyframes) = (*revision, *gaussians, *keyframes);
                 server_sent(
@@ -86,7 +92,8 @@ fn server_sent(name: &str, id: Option<u64>, payload: &impl Serialize) -> Event {
     event.json_data(payload).expect("numbers and names are JSON")
 }
 
-/// Events of the map: "status" first, then "frame", "revision" and "missed" as they happen.
+/// Events of the map: "status" first, then "frame", "input_warning", "revision" and "missed" as they
+/// happen.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/events", tag = "maps",
     params(

@@ -32,7 +32,13 @@ use utoipa::OpenApi;
         export::file,
         events::stream,
     ),
-    components(schemas(json::Problem, json::FrameEvent, json::RevisionEvent, json::MissedEvent))
+    components(schemas(
+        json::Problem,
+        json::FrameEvent,
+        json::InputWarningEvent,
+        json::RevisionEvent,
+        json::MissedEvent,
+    ))
 )]
 pub(super) struct Document;
 

@@ -2,6 +2,7 @@
 
 use crate::export;
 use crate::pipeline::frame::Intrinsics;
+use crate::pipeline::input_warning::InputWarning;
 use crate::pipeline::map::MapStatus;
 use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing};
 use crate::pipeline::snapshot::KeyframeInfo;
@@ -28,7 +29,12 @@ pub(super) fn status(status: MapStatus) -> json::Status {
         settled: status.settled,
         failure: status.failure,
         recording_damage: status.recording_damage,
+        input_warnings: status.input_warnings.into_iter().map(input_warning).collect(),
     }
+}
+
+fn input_warning(warning: InputWarning) -> json::InputWarning {
+    json::InputWarning { problem: warning.problem.as_str().into(), message: warning.message }
 }
 
 pub(super) fn keyframe(info: &KeyframeInfo) -> json::Keyframe {

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::status;
 use crate::check;
 use crate::export::{self, Format};
+use crate::pipeline::input_warning::{InputProblem, InputWarning};
 use crate::pipeline::map::MapStatus;
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
@@ -43,7 +44,22 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
         settled: status.settled,
         failure: status.failure.unwrap_or_default(),
         recording_damage: status.recording_damage.unwrap_or_default(),
+        input_warnings: wire_warnings(status.input_warnings),
     }
+}
+
+/// Warnings about the input.
+pub(super) fn wire_warnings(warnings: Vec<InputWarning>) -> Vec<v1::InputWarning> {
+    let wire = |InputWarning { problem, message }| {
+        let problem = match problem {
+            InputProblem::DepthUnit => v1::InputProblem::DepthUnit,
+            InputProblem::InvertedPoses => v1::InputProblem::InvertedPoses,
+            InputProblem::CameraAxes => v1::InputProblem::CameraAxes,
+            InputProblem::UnregisteredDepth => v1::InputProblem::UnregisteredDepth,
+        };
+        v1::InputWarning { problem: problem.into(), message }
+    };
+    warnings.into_iter().map(wire).collect()
 }
 
 /// The exported file in chunks. The queue of chunks is bounded; sending stops when the client

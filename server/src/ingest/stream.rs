@@ -7,6 +7,7 @@
 //! stops reading, and HTTP/2 flow control makes the sender wait.
 
 use super::context::Context;
+use super::maps::wire_warnings;
 use super::status;
 use crate::check::{self, Opening, Refusal};
 use crate::maps::Recording;
@@ -227,7 +228,7 @@ impl Acknowledger {
             Pending::Accepted { sequence, since, outcome } => {
                 let outcome = outcome.await.map_err(|_| self.mapper_gone(sequence))?;
                 metrics::histogram!(FRAME_SECONDS).record(since.elapsed());
-                outcome_ack(&outcome)
+                outcome_ack(outcome)
             }
         };
         // Frames are recorded before the map gets them.
@@ -247,7 +248,7 @@ impl Acknowledger {
     }
 }
 
-fn outcome_ack(outcome: &FrameOutcome) -> FrameAck {
+fn outcome_ack(outcome: FrameOutcome) -> FrameAck {
     let status = match outcome.tracking {
         TrackingState::Tracking if outcome.relocalised => FrameStatus::Relocalised,
         TrackingState::Tracking => FrameStatus::Tracked,
@@ -259,6 +260,7 @@ fn outcome_ack(outcome: &FrameOutcome) -> FrameAck {
         world_from_camera: outcome.world_from_camera.as_ref().map(wire_pose),
         keyframe: outcome.keyframe,
         map_revision: outcome.revision,
+        input_warnings: wire_warnings(outcome.input_warnings),
         ..FrameAck::default()
     }
 }

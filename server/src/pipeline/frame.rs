@@ -4,6 +4,7 @@
 //! Wire types never get here.
 
 use super::exposure;
+use super::input_warning::InputWarning;
 use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
 
@@ -157,4 +158,6 @@ pub struct FrameOutcome {
     pub keyframe: bool,
     /// The map's revision after it.
     pub revision: u64,
+    /// What is probably wrong with the frames of this stream, if it can be said for the first time now.
+    pub input_warnings: Vec<InputWarning>,
 }

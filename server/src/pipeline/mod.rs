@@ -15,6 +15,8 @@ pub mod engine;
 mod exposure;
 mod features;
 pub mod frame;
+mod input_check;
+pub mod input_warning;
 mod keyframes;
 mod live_map;
 pub mod map;

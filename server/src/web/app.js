@@ -27,6 +27,7 @@ function open(name) {
   for (const id of ['strip', 'status']) $(id).replaceChildren();
   for (const id of ['picture', 'heat', 'plan']) $(id).getContext('2d').clearRect(0, 0, 9999, 9999);
   $('caption').textContent = '';
+  $('warnings').hidden = true;
   drawMarks(null);
   show(null);
   if (!name) return;
@@ -35,6 +36,7 @@ function open(name) {
   events.onerror = () => live(false);
   events.addEventListener('status', (event) => drawStatus(JSON.parse(event.data)));
   events.addEventListener('frame', () => refreshStatus());
+  events.addEventListener('input_warning', () => refreshStatus());
   events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); });
   state.events = events;
   refreshFrames();

@@ -1,5 +1,5 @@
 // The status of the map.
-import { throttled } from '/dashboard/page.js';
+import { element, throttled } from '/dashboard/page.js';
 import { api, json } from '/dashboard/server.js';
 import { $, state } from '/dashboard/state.js';
 
@@ -30,4 +30,16 @@ export function drawStatus(status) {
   if (status.frames_refused) chips.push(chip('refused', count(status.frames_refused), 'bad'));
   if (status.failure) chips.push(chip('failed', status.failure, 'bad'));
   $('status').replaceChildren(...chips);
+  drawWarnings(status.input_warnings ?? []);
+}
+
+// What is probably wrong with the frames that were sent.
+function drawWarnings(warnings) {
+  const rows = warnings.map(({ problem, message }) => {
+    const row = document.createElement('li');
+    row.append(element('b', problem.replaceAll('_', ' ')), message);
+    return row;
+  });
+  $('warnings').replaceChildren(...rows);
+  $('warnings').hidden = rows.length === 0;
 }

@@ -3,7 +3,7 @@
 use super::super::downsampled_frame::DownsampledFrame;
 
 /// `[height * width]` brightness, 0 to 255.
-pub(super) struct Grey {
+pub(in super::super) struct Grey {
     pub width: usize,
     pub height: usize,
     pub values: Vec<f32>,

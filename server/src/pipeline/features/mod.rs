@@ -16,7 +16,7 @@ mod tests;
 
 use super::downsampled_frame::DownsampledFrame;
 use descriptor::Descriptor;
-use grey::Grey;
+pub(super) use grey::Grey;
 use nalgebra::Point3;
 
 /// Descriptors that differ in more of their 256 bits are of different things.

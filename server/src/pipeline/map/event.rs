@@ -2,6 +2,7 @@
 
 use super::super::encoder::LanguageMap;
 use super::super::frame::{Frame, FrameOutcome};
+use super::super::input_warning::InputWarning;
 use tokio::sync::{OwnedSemaphorePermit, oneshot};
 
 /// An event for watchers.
@@ -9,6 +10,13 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot};
 pub enum MapEvent {
     /// A frame was mapped or lost.
     Frame(FrameOutcome),
+    /// The frames of a stream are probably wrong.
+    InputWarning {
+        /// The frame with which it was noticed.
+        sequence: u64,
+        /// What is wrong.
+        warning: InputWarning,
+    },
     /// Readers have a new snapshot.
     Revision {
         /// Its revision.

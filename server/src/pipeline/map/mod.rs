@@ -14,6 +14,7 @@ pub use event::{MapEvent, NumberedEvent};
 pub use status::MapStatus;
 
 use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
+use super::input_warning::InputWarning;
 use super::live_map::LiveMap;
 use super::snapshot::MapSnapshot;
 use frame_times::FrameTimes;
@@ -32,6 +33,7 @@ struct Shared {
     tracking: TrackingState,
     failure: Option<String>,
     recording_damage: Option<String>,
+    input_warnings: Vec<InputWarning>,
     intrinsics: Option<Intrinsics>,
     received_through: Option<u64>,
     has_stream: bool,
@@ -75,6 +77,7 @@ impl Map {
                 tracking: TrackingState::Empty,
                 failure: None,
                 recording_damage: None,
+                input_warnings: Vec::new(),
                 intrinsics: None,
                 received_through: None,
                 has_stream: false,
@@ -232,6 +235,7 @@ impl Map {
             settled,
             failure: shared.failure.clone(),
             recording_damage: shared.recording_damage.clone(),
+            input_warnings: shared.input_warnings.clone(),
         }
     }
 
@@ -273,6 +277,21 @@ impl Map {
         self.set_working(true);
         self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
         self.announce(MapEvent::Frame(outcome.clone()));
+        for warning in &outcome.input_warnings {
+            self.warn_of_input(outcome.sequence, warning);
+        }
+    }
+
+    /// Logs and announces what is wrong with the frames, and keeps it for the status: the newest warning of
+    /// each kind.
+    fn warn_of_input(&self, sequence: u64, warning: &InputWarning) {
+        let InputWarning { problem, message } = warning;
+        tracing::warn!(sequence, problem = problem.as_str(), "{message}");
+        let mut shared = self.shared();
+        shared.input_warnings.retain(|other| other.problem != *problem);
+        shared.input_warnings.push(warning.clone());
+        drop(shared);
+        self.announce(MapEvent::InputWarning { sequence, warning: warning.clone() });
     }
 
     /// Called by the map's thread: gives readers a new snapshot.

@@ -1,6 +1,7 @@
 //! Status of a map, and the counters that it is read from.
 
 use super::super::frame::TrackingState;
+use super::super::input_warning::InputWarning;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 /// Status of a map.
@@ -42,6 +43,8 @@ pub struct MapStatus {
     pub failure: Option<String>,
     /// What is wrong with the recording that the map was rebuilt from, if anything.
     pub recording_damage: Option<String>,
+    /// What is probably wrong with the frames that were sent, one entry for each kind.
+    pub input_warnings: Vec<InputWarning>,
 }
 
 /// Counters that the map's thread writes and [`MapStatus`] reads.

@@ -11,6 +11,7 @@ use super::closure::{Closure, ClosureConfig, MapParts};
 use super::compressor;
 use super::encoder::{LanguageMap, LanguageThread};
 use super::frame::{Frame, FrameOutcome, TrackedPose};
+use super::input_check::InputCheck;
 use super::keyframes::{Keyframe, KeyframeWidths};
 use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
@@ -18,8 +19,8 @@ use super::mapper::{Clock, MapperConfig, TiesConfig, insert, language, optimise,
 use super::snapshot::MapSnapshot;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
-    CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INSERTION_SECONDS, MAPPING_SECONDS,
-    SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
+    CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
+    MAPPING_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
 use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Ties, Trainer};
@@ -74,6 +75,7 @@ pub(super) fn spawn(
         live: LiveMap::new(gaussians, online, steps),
         tracker: Tracker::new(gpu, configs.tracker),
         closure: Closure::new(configs.closure),
+        input_check: InputCheck::new(),
         trainer,
         language: LanguageRequests::new(language.clone(), map.sender()),
         publisher: Publisher::new(),
@@ -100,6 +102,8 @@ struct MapThread {
     live: LiveMap,
     tracker: Tracker,
     closure: Closure,
+    /// Examines the frames of the current stream.
+    input_check: InputCheck,
     trainer: Trainer,
     language: LanguageRequests,
     publisher: Publisher,
@@ -184,6 +188,7 @@ impl MapThread {
                 }
                 if std::mem::replace(&mut self.last_stream, stream) != stream {
                     self.tracker.resume();
+                    self.input_check = InputCheck::new();
                 }
                 self.map_frame(*frame, reply)
             }
@@ -224,6 +229,7 @@ impl MapThread {
             world_from_camera: tracked.map(|tracked| tracked.world_from_camera),
             keyframe: false,
             revision: self.live.revision,
+            input_warnings: timed(INPUT_CHECK_SECONDS, || self.input_check.examine(&frame)),
         };
         if let Some(tracked) = &tracked {
             let mapped = self.map_tracked(frame, tracked)?;

@@ -1,0 +1,133 @@
+//! Says what is wrong with the frames of a stream, if it can be seen.
+//!
+//! In: frames as they were sent. Out: warnings, each once. The first frames that differ from each other are
+//! compared, at 160 columns: whether poses and depths fit together (`pose_check.rs`), whether depth lies on
+//! the color image (`registration.rs`), and whether depths are of a size that a room can have. Each check
+//! tries the usual mistakes, and speaks only if one of them explains nearly all frames far better than what
+//! was sent. It refuses nothing and does not touch the map.
+
+mod edges;
+mod fit;
+mod message;
+mod pose_check;
+mod reading;
+mod registration;
+mod small_frame;
+#[cfg(test)]
+mod tests;
+
+use super::frame::Frame;
+use super::input_warning::InputWarning;
+use pose_check::PoseCheck;
+use registration::RegistrationCheck;
+use small_frame::{Glance, SmallFrame, median};
+use std::collections::VecDeque;
+
+/// Frames that are examined; each differs from the one before.
+const EXAMINED: usize = 24;
+/// A frame is compared with the ones that were examined so many before it.
+const PARTNERS: [usize; 2] = [1, 3];
+/// Frames after which poses are judged even if too few frames had edges to see where depth is.
+const PATIENCE: usize = 16;
+/// If depth is displaced by more than this share of the width, nothing can be said about the poses.
+const MISLEADING: f32 = 0.08;
+/// Frames that a verdict on the size of depths needs.
+const LEAST_SIZES: usize = 4;
+/// Rooms whose median depth is outside this range do not exist, metres.
+const ROOM_METRES: std::ops::Range<f32> = 0.05..50.0;
+
+/// The examination of one stream.
+pub(super) struct InputCheck {
+    newest: Option<Glance>,
+    examined: usize,
+    /// The last frames that were examined, the newest first.
+    partners: VecDeque<SmallFrame>,
+    /// Median depth of each examined frame, metres as sent.
+    sizes: Option<Vec<f32>>,
+    /// Each of the three checks ends with its first warning.
+    poses: Option<PoseCheck>,
+    registration: Option<RegistrationCheck>,
+}
+
+impl InputCheck {
+    pub fn new() -> Self {
+        Self {
+            newest: None,
+            examined: 0,
+            partners: VecDeque::new(),
+            sizes: Some(Vec::new()),
+            poses: Some(PoseCheck::new()),
+            registration: Some(RegistrationCheck::new()),
+        }
+    }
+
+    /// Examines a frame if it shows something new. Returns what can be said now for the first time.
+    pub fn examine(&mut self, frame: &Frame) -> Vec<InputWarning> {
+        if self.examined >= EXAMINED {
+            return Vec::new();
+        }
+        let glance = Glance::new(frame);
+        let is_new = self.newest.as_ref().is_none_or(|newest| !glance.is_like(newest));
+        if !is_new || !glance.has_depth() {
+            return Vec::new();
+        }
+        self.newest = Some(glance);
+        self.examined += 1;
+        let frame = SmallFrame::new(frame);
+        let edges = self.check_edges(&frame);
+        let warnings = [edges, self.check_poses(&frame), self.check_size(&frame)];
+        self.partners.push_front(frame);
+        self.partners.truncate(PARTNERS[1]);
+        if self.examined == EXAMINED {
+            self.partners.clear();
+            (self.poses, self.registration) = (None, None);
+        }
+        warnings.into_iter().flatten().flatten().collect()
+    }
+
+    /// Whether poses and depths fit together.
+    fn check_poses(&mut self, frame: &SmallFrame) -> Option<Vec<InputWarning>> {
+        let check = self.poses.as_mut()?;
+        for before in PARTNERS {
+            if let Some(partner) = self.partners.get(before - 1) {
+                check.add(partner, frame);
+            }
+        }
+        // Depth that is not where it should be looks like wrong poses.
+        if self.registration.as_ref().is_some_and(|registration| !registration.is_certain())
+            && self.examined < PATIENCE
+        {
+            return None;
+        }
+        let verdict = check.verdict()?;
+        self.poses = None;
+        Some(message::of_poses(&verdict))
+    }
+
+    /// Whether depths are of a size that a room can have. Poses that were given say more about it.
+    fn check_size(&mut self, frame: &SmallFrame) -> Option<Vec<InputWarning>> {
+        if frame.world_from_camera.is_some() {
+            return None;
+        }
+        let sizes = self.sizes.as_mut()?;
+        sizes.push(frame.median_depth_metres()?);
+        let size = median(sizes)?;
+        if sizes.len() < LEAST_SIZES || ROOM_METRES.contains(&size) {
+            return None;
+        }
+        self.sizes = None;
+        Some(vec![message::of_size(size)])
+    }
+
+    /// Whether depth lies on the color image.
+    fn check_edges(&mut self, frame: &SmallFrame) -> Option<Vec<InputWarning>> {
+        let check = self.registration.as_mut()?;
+        check.add(frame);
+        let verdict = check.verdict()?;
+        self.registration = None;
+        if verdict.placement.displacement() > MISLEADING {
+            self.poses = None;
+        }
+        Some(vec![message::of_registration(&verdict)])
+    }
+}

@@ -1,0 +1,192 @@
+//! Walks through a room with one mistake each: the right warning, once, and none without a mistake.
+
+mod scene;
+
+use super::super::frame::{Frame, Intrinsics, PoseHint};
+use super::super::input_warning::{InputProblem, InputWarning};
+use super::InputCheck;
+use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3};
+use scene::{CAMERA, FRAMES, frame, pose, seen_from, shoot};
+
+/// What is said about a walk.
+fn warnings(frames: impl Iterator<Item = Frame>) -> Vec<InputWarning> {
+    let mut check = InputCheck::new();
+    frames.flat_map(|frame| check.examine(&frame)).collect()
+}
+
+/// The problems that are seen in a walk whose frames were changed.
+fn problems(change: impl Fn(&mut Frame)) -> Vec<InputProblem> {
+    let change = |at| {
+        let mut frame = frame(at);
+        change(&mut frame);
+        frame
+    };
+    let warnings = warnings((0..FRAMES).map(change));
+    for warning in &warnings {
+        println!("{:?}: {}", warning.problem, warning.message);
+    }
+    warnings.into_iter().map(|warning| warning.problem).collect()
+}
+
+fn change_pose(frame: &mut Frame, change: impl Fn(Isometry3<f64>) -> Isometry3<f64>) {
+    frame.world_from_camera = frame.world_from_camera.map(change);
+}
+
+fn scale_depth(frame: &mut Frame, factor: f32) {
+    frame.depth_metres = frame.depth_metres.iter().map(|depth| depth * factor).collect();
+}
+
+/// The pose of axes that a rotation takes to optical axes.
+fn with_axes(optical_from_axes: Matrix3<f64>) -> impl Fn(Isometry3<f64>) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from(Rotation3::from_matrix_unchecked(optical_from_axes));
+    move |world_from_camera| world_from_camera * rotation
+}
+
+fn open_gl() -> Matrix3<f64> {
+    Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0))
+}
+
+#[test]
+fn a_right_stream_is_passed_over_in_silence() {
+    assert_eq!(problems(|_| ()), []);
+    assert_eq!(problems(|frame| frame.world_from_camera = None), [], "and without poses");
+}
+
+#[test]
+fn a_wrong_unit_of_depth_is_seen_against_the_poses() {
+    for factor in [10.0, 0.1, 3.0, 0.0254 / 0.01, 1.3, 0.8] {
+        let found = problems(|frame| scale_depth(frame, factor));
+        assert_eq!(found, [InputProblem::DepthUnit], "{factor}");
+    }
+    assert_eq!(problems(|frame| scale_depth(frame, 1.02)), [], "real sensors are no better");
+}
+
+#[test]
+fn the_factor_is_told() {
+    let told = |factor| {
+        let scaled = move |at| {
+            let mut frame = frame(at);
+            scale_depth(&mut frame, factor);
+            frame
+        };
+        warnings((0..FRAMES).map(scaled)).remove(0).message
+    };
+    assert!(told(10.0).contains("10 times too large"), "{}", told(10.0));
+    assert!(told(0.1).contains("10 times too small"), "{}", told(0.1));
+    assert!(told(2.0).contains(" 2.0 times too large"), "{}", told(2.0));
+}
+
+#[test]
+fn poses_that_are_camera_from_world_are_seen() {
+    let found = problems(|frame| change_pose(frame, |pose| pose.inverse()));
+    assert_eq!(found, [InputProblem::InvertedPoses]);
+}
+
+#[test]
+fn poses_in_other_axes_are_seen() {
+    let found = problems(|frame| change_pose(frame, with_axes(open_gl())));
+    assert_eq!(found, [InputProblem::CameraAxes], "OpenGL");
+    let optical_from_body = Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0);
+    let found = problems(|frame| change_pose(frame, with_axes(optical_from_body)));
+    assert_eq!(found, [InputProblem::CameraAxes], "ROS");
+}
+
+#[test]
+fn two_mistakes_are_told_apart() {
+    let found = problems(|frame| {
+        change_pose(frame, |pose| with_axes(open_gl())(pose).inverse());
+        scale_depth(frame, 10.0);
+    });
+    let all = [InputProblem::InvertedPoses, InputProblem::CameraAxes, InputProblem::DepthUnit];
+    assert_eq!(found, all);
+}
+
+/// A robot's own estimate is believed like a given pose, if it says how sure it is.
+#[test]
+fn odometry_in_another_unit_is_seen() {
+    let hinted = |covariance: Option<Matrix6<f64>>| {
+        problems(|frame| {
+            let mut world_from_camera = frame.world_from_camera.take().expect("it has one");
+            world_from_camera.translation.vector *= 1000.0;
+            frame.hint = Some(Box::new(PoseHint { world_from_camera, covariance }));
+        })
+    };
+    assert_eq!(hinted(Some(Matrix6::identity())), [InputProblem::DepthUnit]);
+    assert_eq!(hinted(None), [], "an estimate that nobody uses");
+}
+
+/// Where the depth of another camera lies on the color image.
+fn other_camera(camera: Intrinsics, color_from_depth: Isometry3<f64>) -> Vec<InputProblem> {
+    problems(|frame| {
+        let pose = frame.world_from_camera.expect("it has one") * color_from_depth;
+        frame.depth_metres = shoot(&camera, &pose).1.into();
+    })
+}
+
+#[test]
+fn depth_of_another_camera_is_seen() {
+    let wide = Intrinsics { fx: 100.0, fy: 100.0, ..CAMERA };
+    let found = other_camera(wide, Isometry3::identity());
+    assert_eq!(found, [InputProblem::UnregisteredDepth], "a wider lens");
+    let aside = Isometry3::translation(0.12, 0.0, 0.0);
+    assert_eq!(other_camera(CAMERA, aside), [InputProblem::UnregisteredDepth], "beside it");
+    let low = Intrinsics { cy: CAMERA.cy + 6.0, ..CAMERA };
+    let found = other_camera(low, Isometry3::identity());
+    assert_eq!(found, [InputProblem::UnregisteredDepth], "lower");
+    let near = Isometry3::translation(0.01, 0.0, 0.0);
+    assert_eq!(other_camera(CAMERA, near), [], "a centimetre is nothing");
+}
+
+#[test]
+fn a_turned_depth_picture_is_seen() {
+    let found = problems(|frame| {
+        let turned: Vec<f32> = frame.depth_metres.iter().rev().copied().collect();
+        frame.depth_metres = turned.into();
+        frame.world_from_camera = None;
+    });
+    assert_eq!(found, [InputProblem::UnregisteredDepth]);
+}
+
+#[test]
+fn depths_of_no_room_are_seen_without_poses() {
+    let found = |factor| {
+        problems(|frame| {
+            scale_depth(frame, factor);
+            frame.world_from_camera = None;
+        })
+    };
+    assert_eq!(found(0.01), [InputProblem::DepthUnit]);
+    assert_eq!(found(30.0), [InputProblem::DepthUnit]);
+    assert_eq!(found(3.0), [], "it may be a hall");
+}
+
+#[test]
+fn what_no_mistake_explains_is_passed_over_in_silence() {
+    let others = |at: usize| Frame { world_from_camera: Some(pose(at * 7 % FRAMES)), ..frame(at) };
+    assert_eq!(warnings((0..FRAMES).map(others)), [], "poses of other frames");
+}
+
+/// Frames of a camera that only turns fit together with depths of any unit.
+#[test]
+fn a_unit_that_cannot_be_seen_is_not_guessed() {
+    let turning = |at: usize| {
+        let turn = UnitQuaternion::from_euler_angles(0.0, 0.08 * at as f64, 0.0);
+        let mut frame = seen_from(at, &Isometry3::from_parts(Vector3::zeros().into(), turn));
+        scale_depth(&mut frame, 10.0);
+        frame
+    };
+    assert_eq!(warnings((0..FRAMES).map(turning)), []);
+}
+
+#[test]
+fn a_camera_that_stands_still_is_not_examined() {
+    let mut check = InputCheck::new();
+    for at in 0..FRAMES {
+        check.examine(&seen_from(at, &pose(0)));
+    }
+    assert_eq!(check.examined, 1);
+    (0..FRAMES).for_each(|at| {
+        check.examine(&frame(at));
+    });
+    assert!(check.examined > 10, "a walk is: {}", check.examined);
+}

@@ -1,0 +1,37 @@
+//! What the server says about input that is probably wrong: a kind and a sentence for people.
+//!
+//! A warning changes nothing: frames are accepted and mapped as they are.
+
+/// What is probably wrong with the frames of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InputProblem {
+    /// Depth is in another unit than the server was told, or than the poses.
+    DepthUnit,
+    /// Poses are `camera_from_world` instead of `world_from_camera`.
+    InvertedPoses,
+    /// Poses are of axes other than x right, y down, z forward.
+    CameraAxes,
+    /// Depth does not lie on the color image.
+    UnregisteredDepth,
+}
+
+impl InputProblem {
+    /// The name in statuses, events and logs.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::DepthUnit => "depth_unit",
+            Self::InvertedPoses => "inverted_poses",
+            Self::CameraAxes => "camera_axes",
+            Self::UnregisteredDepth => "unregistered_depth",
+        }
+    }
+}
+
+/// A warning about the frames of a stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputWarning {
+    /// What is wrong.
+    pub problem: InputProblem,
+    /// What is wrong, how sure that is, and what to do, in plain English.
+    pub message: String,
+}
