@@ -12,6 +12,11 @@ const ASIDE_METRES: f64 = 0.1;
 /// A mistake of a robot's program: its name, what it does to a message, and what the server should say.
 type Mistake<'a> = (&'static str, Box<dyn Fn(&mut Message) + 'a>, Option<InputProblem>);
 
+/// A frame of the walk. All but the first are held out: the map costs no time then.
+fn frame(robot: &Robot, at: usize) -> v1::Frame {
+    v1::Frame { held_out: at > 0, ..robot.frame(at) }
+}
+
 /// A change of the unit of depth.
 fn unit(factor: f64) -> Box<dyn Fn(&mut Message)> {
     Box::new(move |message| {
@@ -76,7 +81,7 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
     ];
     let server = Server::start(tiny_config()).await;
     for (map, change, expected) in &mistakes {
-        let mut messages = robot.messages(map);
+        let mut messages = robot.stream(map, (0..FRAMES).map(|at| frame(&robot, at)));
         messages.iter_mut().filter_map(|message| message.message.as_mut()).for_each(change);
         let acks = server.send(messages).await.expect("the stream ends well");
         let is_tracked = |ack: &&v1::FrameAck| ack.status() == v1::FrameStatus::Tracked;
