@@ -5,7 +5,7 @@ use lexsplat_tests::{Robot, Server, tiny_config};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-const FRAMES: usize = 40;
+const FRAMES: usize = 28;
 /// How far the depth camera is beside the color camera, metres.
 const ASIDE_METRES: f64 = 0.1;
 
