@@ -61,6 +61,17 @@ async fn http_warnings(server: &Server, map: &str) -> Vec<Value> {
     status["input_warnings"].as_array().cloned().unwrap_or_default()
 }
 
+/// The events of a map up to that of a frame.
+async fn events_through(mut events: reqwest::Response, frame: usize) -> String {
+    let mut text = String::new();
+    let is_last = |text: &str| text.contains(&format!("\"sequence\":{frame},\"tracking_state\""));
+    while !is_last(&text) {
+        let chunk = events.chunk().await.expect("the server sends").expect("it does not end");
+        text.push_str(&String::from_utf8_lossy(&chunk));
+    }
+    text
+}
+
 /// What a status over gRPC says is wrong.
 async fn grpc_warnings(server: &Server, map: &str) -> Vec<v1::InputWarning> {
     let status = server.client().await.get_map(v1::GetMapRequest { name: map.into() }).await;
@@ -83,6 +94,9 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
     for (map, change, expected) in &mistakes {
         let mut messages = robot.stream(map, (0..FRAMES).map(|at| frame(&robot, at)));
         messages.iter_mut().filter_map(|message| message.message.as_mut()).for_each(change);
+        let create = v1::CreateMapRequest { name: (*map).to_owned() };
+        server.client().await.create_map(create).await.expect("it is made");
+        let events = reqwest::get(server.url(&format!("/v1/maps/{map}/events"))).await;
         let acks = server.send(messages).await.expect("the stream ends well");
         let is_tracked = |ack: &&v1::FrameAck| ack.status() == v1::FrameStatus::Tracked;
         assert_eq!(acks.iter().filter(is_tracked).count(), FRAMES, "{map}: nothing is refused");
@@ -90,6 +104,8 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
         let problems: Vec<_> = told.iter().map(v1::InputWarning::problem).collect();
         assert_eq!(problems, Vec::from_iter(*expected), "{map}: {told:?}");
         assert_eq!(grpc_warnings(&server, map).await, told, "{map}");
+        let events = events_through(events.expect("it answers"), FRAMES - 1).await;
+        assert_eq!(events.matches("event: input_warning").count(), told.len(), "{map}: {events}");
     }
     for (map, _, expected) in &mistakes {
         let http = http_warnings(&server, map).await;

@@ -9,7 +9,7 @@ use super::small_frame::SmallFrame;
 use nalgebra::Isometry3;
 
 /// Every so many columns and rows are compared.
-const STEP: usize = 3;
+const STEP: usize = 5;
 /// A relative difference of depth above this counts as no more than this.
 const CAP: f32 = 0.1;
 /// Depths that differ by less than this share agree.

@@ -23,8 +23,8 @@ use registration::RegistrationCheck;
 use small_frame::{Glance, SmallFrame, median};
 use std::collections::VecDeque;
 
-/// Frames that are examined; each differs from the one before.
-const EXAMINED: usize = 24;
+/// Frames that are examined at most; each differs from the one before.
+const EXAMINED: usize = 100;
 /// A frame is compared with the ones that were examined so many before it.
 const PARTNERS: [usize; 2] = [1, 3];
 /// Frames after which poses are judged even if too few frames had edges to see where depth is.
@@ -44,7 +44,7 @@ pub(super) struct InputCheck {
     partners: VecDeque<SmallFrame>,
     /// Median depth of each examined frame, metres as sent.
     sizes: Option<Vec<f32>>,
-    /// Each of the three checks ends with its first warning.
+    /// Each check ends with its first warning, or when it has seen enough.
     poses: Option<PoseCheck>,
     registration: Option<RegistrationCheck>,
 }
@@ -63,7 +63,7 @@ impl InputCheck {
 
     /// Examines a frame if it shows something new. Returns what can be said now for the first time.
     pub fn examine(&mut self, frame: &Frame) -> Vec<InputWarning> {
-        if self.examined >= EXAMINED {
+        if self.is_done() {
             return Vec::new();
         }
         let glance = Glance::new(frame);
@@ -78,11 +78,15 @@ impl InputCheck {
         let warnings = [edges, self.check_poses(&frame), self.check_size(&frame)];
         self.partners.push_front(frame);
         self.partners.truncate(PARTNERS[1]);
-        if self.examined == EXAMINED {
+        if self.is_done() {
             self.partners.clear();
             (self.poses, self.registration) = (None, None);
         }
         warnings.into_iter().flatten().flatten().collect()
+    }
+
+    fn is_done(&self) -> bool {
+        self.examined >= EXAMINED || (self.poses.is_none() && self.registration.is_none())
     }
 
     /// Whether poses and depths fit together.
@@ -99,9 +103,11 @@ impl InputCheck {
         {
             return None;
         }
-        let verdict = check.verdict()?;
-        self.poses = None;
-        Some(message::of_poses(&verdict))
+        let verdict = check.verdict();
+        if verdict.is_some() || check.is_full() {
+            self.poses = None;
+        }
+        verdict.map(|verdict| message::of_poses(&verdict))
     }
 
     /// Whether depths are of a size that a room can have. Poses that were given say more about it.
@@ -123,8 +129,11 @@ impl InputCheck {
     fn check_edges(&mut self, frame: &SmallFrame) -> Option<Vec<InputWarning>> {
         let check = self.registration.as_mut()?;
         check.add(frame);
-        let verdict = check.verdict()?;
-        self.registration = None;
+        let verdict = check.verdict();
+        if verdict.is_some() || check.is_full() {
+            self.registration = None;
+        }
+        let verdict = verdict?;
         if verdict.placement.displacement() > MISLEADING {
             self.poses = None;
         }

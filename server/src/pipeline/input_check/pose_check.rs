@@ -12,12 +12,16 @@ use super::small_frame::SmallFrame;
 const LEAST_PAIRS: usize = 8;
 /// Pairs that a verdict on a factor near 1 needs.
 const LEAST_PAIRS_NEAR: usize = 20;
+/// Pairs after which no more are looked at.
+const MOST_PAIRS: usize = 44;
 /// A factor within this of 1 is near. Beside a wrong convention it is not told.
 const NEAR: f32 = 1.3;
 /// A factor within this of 1 is not worth a word: poses and depths of real sensors are no better.
 const UNNOTICED: f32 = 1.08;
 /// A pair that no reading explains better than this tells nothing.
 const EXPLAINED: f32 = 0.4;
+/// Neither does one that all readings of similar depths explain equally well, within this cost.
+const TELLING: f32 = 0.1;
 /// A reading is right only if it leaves a lower mean cost than this.
 const GOOD: f32 = 0.3;
 /// ... and at most this share of the cost of what was sent, and a lower one in this share of the pairs.
@@ -63,12 +67,25 @@ impl PoseCheck {
         Self { factors, sent, pairs: Vec::new() }
     }
 
-    /// Adds a pair of frames, if both have poses and some reading explains it.
+    /// Adds a pair of frames, if both have poses, and some reading explains it better than others.
     pub fn add(&mut self, a: &SmallFrame, b: &SmallFrame) {
-        let Some(fits) = fits(a, b, &self.factors) else { return };
-        if fits.iter().any(|fit| fit.cost < EXPLAINED) {
-            self.pairs.push(fits);
-        }
+        let pair = fits(a, b, &self.factors).filter(|fits| self.is_telling(fits));
+        self.pairs.extend(pair);
+    }
+
+    fn is_telling(&self, fits: &[Fit]) -> bool {
+        let factor = |at: usize| self.factors[at % self.factors.len()];
+        let lowest = (0..fits.len()).min_by(|a, b| fits[*a].cost.total_cmp(&fits[*b].cost));
+        let Some(best) = lowest else { return false };
+        let range = factor(best) / FAR..factor(best) * FAR;
+        let others = fits.iter().enumerate().filter(|(at, _)| range.contains(&factor(*at)));
+        let worst = others.map(|(_, fit)| fit.cost).fold(0.0, f32::max);
+        fits[best].cost < EXPLAINED && worst > fits[best].cost + TELLING
+    }
+
+    /// Whether enough pairs were seen.
+    pub fn is_full(&self) -> bool {
+        self.pairs.len() >= MOST_PAIRS
     }
 
     /// The reading that is better than what was sent.

@@ -20,6 +20,8 @@ const LEAST_EDGES: usize = 40;
 const LEAST_INSIDE: f32 = 0.3;
 /// Frames that a verdict needs.
 const LEAST_FRAMES: usize = 8;
+/// Frames after which no more are looked at.
+const MOST_FRAMES: usize = 24;
 /// A placement is right only if edges score better there than this; 0 is chance, 0.5 the best.
 const GOOD: f32 = 0.1;
 /// ... and what was sent loses this share of what the placement has above the mean of all.
@@ -95,6 +97,11 @@ impl RegistrationCheck {
     /// Whether enough frames had edges to see what is wrong.
     pub fn is_certain(&self) -> bool {
         self.frames.len() >= LEAST_FRAMES
+    }
+
+    /// Whether enough frames were seen.
+    pub fn is_full(&self) -> bool {
+        self.frames.len() >= MOST_FRAMES
     }
 
     /// The placement that fits better than what was sent.

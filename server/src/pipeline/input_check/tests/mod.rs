@@ -178,6 +178,28 @@ fn a_unit_that_cannot_be_seen_is_not_guessed() {
     assert_eq!(warnings((0..FRAMES).map(turning)), []);
 }
 
+/// A robot that sees nothing but a wall at first is not examined in vain.
+#[test]
+fn frames_that_tell_nothing_do_not_use_the_check_up() {
+    let mut check = InputCheck::new();
+    for at in 0..40 {
+        let mut wall = frame(0);
+        // Each is brighter, so that it looks new, and shows a wall at the same distance.
+        let grey = (at % 2) as u8 * 100 + 50;
+        wall.rgb = (0..wall.rgb.len()).map(|byte| grey * u8::from(byte / 3 % 160 < 80)).collect();
+        wall.depth_metres = wall.depth_metres.iter().map(|_| 2.0).collect();
+        assert_eq!(check.examine(&wall), [], "a wall fits with anything");
+    }
+    assert!(check.examined > 24, "they looked new: {}", check.examined);
+    let inverted = (0..FRAMES).flat_map(|at| {
+        let mut frame = frame(at);
+        change_pose(&mut frame, |pose| pose.inverse());
+        check.examine(&frame)
+    });
+    let found: Vec<_> = inverted.map(|warning| warning.problem).collect();
+    assert_eq!(found, [InputProblem::InvertedPoses]);
+}
+
 #[test]
 fn a_camera_that_stands_still_is_not_examined() {
     let mut check = InputCheck::new();
