@@ -27,7 +27,8 @@ use std::collections::VecDeque;
 const EXAMINED: usize = 100;
 /// A frame is compared with the ones that were examined so many before it.
 const PARTNERS: [usize; 2] = [1, 3];
-/// Frames after which poses are judged even if too few frames had edges to see where depth is.
+/// Frames after which poses are judged even if too few frames had edges to see where depth is, and after which
+/// a frame without a pose means that there is nothing to judge.
 const PATIENCE: usize = 16;
 /// If depth is displaced by more than this share of the width, nothing can be said about the poses.
 const MISLEADING: f32 = 0.08;
@@ -104,7 +105,8 @@ impl InputCheck {
             return None;
         }
         let verdict = check.verdict();
-        if verdict.is_some() || check.is_full() {
+        let has_none = self.examined >= PATIENCE && frame.world_from_camera.is_none();
+        if verdict.is_some() || check.is_full() || has_none {
             self.poses = None;
         }
         verdict.map(|verdict| message::of_poses(&verdict))

@@ -4,7 +4,7 @@ mod scene;
 
 use super::super::frame::{Frame, Intrinsics, PoseHint};
 use super::super::input_warning::{InputProblem, InputWarning};
-use super::InputCheck;
+use super::{InputCheck, PATIENCE};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3};
 use scene::{CAMERA, FRAMES, frame, pose, seen_from, shoot};
 
@@ -198,6 +198,19 @@ fn frames_that_tell_nothing_do_not_use_the_check_up() {
     });
     let found: Vec<_> = inverted.map(|warning| warning.problem).collect();
     assert_eq!(found, [InputProblem::InvertedPoses]);
+}
+
+#[test]
+fn poses_that_are_not_sent_are_not_waited_for() {
+    let mut check = InputCheck::new();
+    let mut walk = |frames: std::ops::Range<usize>| {
+        for at in frames {
+            check.examine(&Frame { world_from_camera: None, ..frame(at) });
+        }
+        (check.examined >= PATIENCE, check.poses.is_none())
+    };
+    assert_eq!(walk(0..5), (false, false));
+    assert_eq!(walk(5..FRAMES), (true, true));
 }
 
 #[test]
