@@ -29,7 +29,7 @@ use std::borrow::Cow;
 /// In a keyframe that disagrees with others, the smallest cell is larger by this factor;
 const ROUGH_SIDE: usize = 2;
 /// if the disagreement is more than this many times the limit,
-const VERY_ROUGH: f32 = 2.0;
+const VERY_ROUGH: f32 = 2.5;
 /// it is larger by this factor;
 const VERY_ROUGH_SIDE: usize = 4;
 /// a cell may have a color range of this many times the disagreement,
