@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClosureConfig {
-    /// Whether loops are looked for.
+    /// Whether loops are looked for. Off by default: on long walks of a noisy camera poses can become worse.
     pub enabled: bool,
     /// A keyframe whose surfaces may be misplaced by more than this relative to the newest one (standard
     /// deviation, metres) is no reference of the tracker until a loop is closed.
@@ -36,7 +36,7 @@ impl ClosureConfig {
 impl Default for ClosureConfig {
     fn default() -> Self {
         Self {
-            enabled: true,
+            enabled: false,
             connected_metres: 0.02,
             overlap: 0.3,
             candidates: 4,

@@ -167,6 +167,10 @@ impl Site {
     }
 }
 
+fn enabled() -> ClosureConfig {
+    ClosureConfig { enabled: true, ..ClosureConfig::default() }
+}
+
 /// A full turn and a bit more.
 fn turn(config: &ClosureConfig) -> Site {
     let mut site = Site::new(config);
@@ -177,8 +181,7 @@ fn turn(config: &ClosureConfig) -> Site {
 #[test]
 fn a_turn_all_the_way_round_is_closed() {
     // Each keyframe is aligned with the one before alone, until a loop is closed.
-    let defaults = ClosureConfig::default();
-    let config = ClosureConfig { connected_metres: 0.0, correction_metres: 0.002, ..defaults };
+    let config = ClosureConfig { connected_metres: 0.0, correction_metres: 0.002, ..enabled() };
     let site = turn(&config);
     let poses = |site: &Site| -> Vec<Isometry3<f64>> {
         site.live.keyframes.iter().map(|keyframe| keyframe.frame.world_from_camera).collect()
@@ -250,7 +253,7 @@ fn are_closed(site: &mut Site, room: u64, metres: &[f64]) -> Vec<bool> {
 
 #[test]
 fn a_room_that_looks_like_another_is_not_taken_for_it() {
-    let mut site = Site::new(&ClosureConfig::default());
+    let mut site = Site::new(&enabled());
     let mut found = 0;
     for room in 0..20 {
         let closed = are_closed(&mut site, room, &[0.6, 0.04]);

@@ -40,9 +40,9 @@ pub struct MapperConfig {
     pub insert_depth_error: f32,
     /// or where the mean absolute color error is above this, 0 to 1.
     pub insert_color_error: f32,
-    /// A keyframe whose colors differ by more than this from an earlier keyframe's (0 to 1, upper quartile
-    /// over the surfaces that both show) adds larger Gaussians, from half as many visits. Rendered frames
-    /// differ by up to 0.014, those of real cameras by 0.02 to 0.09. 1: never.
+    /// A keyframe whose colors differ by more than this from an earlier keyframe's (0 to 1, median over
+    /// the surfaces that both show) adds larger Gaussians, from half as many visits. Rendered frames differ
+    /// by up to 0.0075, those of real cameras by 0.007 to 0.05. 1: never.
     pub insert_disagreement: f32,
     /// Where this many keyframes have shown a place from as near, Gaussians are inserted only if the map is
     /// transparent there.
@@ -227,7 +227,7 @@ impl Default for MapperConfig {
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
             insert_color_error: 0.1,
-            insert_disagreement: 0.015,
+            insert_disagreement: 0.01,
             insert_keyframes: 8,
             insert_backdrop: 1.25,
             max_gaussians: 400_000,

@@ -1,8 +1,8 @@
 //! How much a new keyframe and an earlier one disagree about the colors of the same surfaces.
 //!
 //! In: the training images of two keyframes with their poses. Out: a share of the color range. It comes from
-//! errors of poses, registration, blur and noise: up to 0.014 on rendered frames, with a simulated sensor or
-//! without, and 0.012 to 0.09 on frames of real cameras. The map takes no part, so its age does not matter:
+//! errors of poses, registration, blur and noise: up to 0.0095 on rendered frames, with a simulated sensor or
+//! without, and 0.007 to 0.05 on frames of real cameras. The map takes no part, so its age does not matter:
 //! a map with few steps is blurred and differs from every picture.
 
 use super::super::super::downsampled_frame::DownsampledFrame;
@@ -14,13 +14,13 @@ const SAMPLES: usize = 4000;
 const LEAST_SHARE: f32 = 0.1;
 /// The newest keyframes that may be compared with.
 const KEYFRAMES: usize = 4;
-/// The share of the pixels that differ by less than the disagreement. Pixels beyond it are edges, highlights
-/// and what has moved.
-const QUANTILE: f32 = 0.75;
+/// The share of the pixels that differ by less than the disagreement. It is not larger because small images
+/// consist of edges, which differ when pixels are averaged.
+const QUANTILE: f32 = 0.5;
 /// Pixels that are darker do not tell the gain.
 const LEAST_INTENSITY: f32 = 0.1;
 
-/// The upper quartile of the color error between a new keyframe and the newest keyframe that shares surfaces
+/// The median color error between a new keyframe and the newest keyframe that shares surfaces
 /// with it, 0 to 1; 0 if there is none. A gain of each color channel is removed first.
 pub(super) fn disagreement<'a>(
     image: &DownsampledFrame,
@@ -77,20 +77,20 @@ mod tests {
         let here = striped(0, 1.0);
         assert!(compared(&here, &[striped(0, 1.0)]) < 1e-6);
         assert!(compared(&here, &[striped(0, 0.8)]) < 5e-3, "rounding");
-        assert!(compared(&here, &[striped(1, 1.0)]) > 0.1, "negative control");
+        assert!(compared(&here, &[striped(2, 1.0)]) > 0.1, "negative control");
     }
 
     #[test]
     fn the_newest_keyframe_that_shows_the_same_counts() {
         let here = striped(0, 1.0);
         let aside = || {
-            let mut aside = striped(1, 1.0);
+            let mut aside = striped(2, 1.0);
             aside.camera.camera_from_world = Isometry3::translation(90.0, 0.0, 0.0);
             aside
         };
         assert_eq!(compared(&here, &[]), 0.0);
         assert_eq!(compared(&here, &[aside()]), 0.0, "nothing is known");
-        assert!(compared(&here, &[striped(0, 1.0), striped(1, 1.0), aside()]) > 0.1);
-        assert!(compared(&here, &[striped(1, 1.0), striped(0, 1.0), aside()]) < 1e-6);
+        assert!(compared(&here, &[striped(0, 1.0), striped(2, 1.0), aside()]) > 0.1);
+        assert!(compared(&here, &[striped(2, 1.0), striped(0, 1.0), aside()]) < 1e-6);
     }
 }

@@ -29,11 +29,11 @@ use std::borrow::Cow;
 /// In a keyframe that disagrees with others, the smallest cell is larger by this factor;
 const ROUGH_SIDE: usize = 2;
 /// if the disagreement is more than this many times the limit,
-const VERY_ROUGH: f32 = 2.5;
+const VERY_ROUGH: f32 = 2.0;
 /// it is larger by this factor;
 const VERY_ROUGH_SIDE: usize = 4;
 /// a cell may have a color range of this many times the disagreement,
-const ROUGH_DETAIL: f32 = 8.0;
+const ROUGH_DETAIL: f32 = 16.0;
 /// a place gets corrections from this share of the visits,
 const ROUGH_VISITS: usize = 2;
 /// and what the map shows may be off by this many pixels.
@@ -270,13 +270,17 @@ mod tests {
         let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         let smallest = |cells: &[Cell]| cells.iter().map(|cell| cell.side).min();
         assert_eq!(smallest(&found(&open, None)), Some(2), "as fine as the stripe");
-        assert_eq!(smallest(&found(&open, Some(0.03))), Some(4));
-        assert_eq!(smallest(&found(&open, Some(0.07))), Some(8), "no finer than what is agreed on");
+        assert_eq!(smallest(&found(&open, Some(0.015))), Some(4));
+        assert_eq!(
+            smallest(&found(&open, Some(0.035))),
+            Some(8),
+            "no finer than what is agreed on"
+        );
         shifted.rgb = (0..SIZE * SIZE * 3)
             .map(|at| if is_bright(at + 3) { 1.0 } else { 128.0 / 255.0 })
             .collect();
         assert!(!found(&shifted, None).is_empty(), "negative control");
-        assert!(found(&shifted, Some(0.02)).is_empty(), "off by a pixel");
+        assert!(found(&shifted, Some(0.01)).is_empty(), "off by a pixel");
     }
 
     #[test]
