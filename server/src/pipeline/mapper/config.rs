@@ -227,7 +227,7 @@ impl Default for MapperConfig {
             insert_opacity: 0.6,
             insert_depth_error: 0.05,
             insert_color_error: 0.1,
-            insert_disagreement: 0.01,
+            insert_disagreement: 0.009,
             insert_keyframes: 8,
             insert_backdrop: 1.25,
             max_gaussians: 400_000,

@@ -29,7 +29,7 @@ use std::borrow::Cow;
 /// In a keyframe that disagrees with others, the smallest cell is larger by this factor;
 const ROUGH_SIDE: usize = 2;
 /// if the disagreement is more than this many times the limit,
-const VERY_ROUGH: f32 = 2.0;
+const VERY_ROUGH: f32 = 1.5;
 /// it is larger by this factor;
 const VERY_ROUGH_SIDE: usize = 4;
 /// a cell may have a color range of this many times the disagreement,
@@ -270,7 +270,7 @@ mod tests {
         let open = ColorImage { opacity: vec![0.0; SIZE * SIZE], ..explained() };
         let smallest = |cells: &[Cell]| cells.iter().map(|cell| cell.side).min();
         assert_eq!(smallest(&found(&open, None)), Some(2), "as fine as the stripe");
-        assert_eq!(smallest(&found(&open, Some(0.015))), Some(4));
+        assert_eq!(smallest(&found(&open, Some(0.012))), Some(4));
         assert_eq!(
             smallest(&found(&open, Some(0.035))),
             Some(8),
