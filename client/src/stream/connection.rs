@@ -128,7 +128,7 @@ async fn connect(address: &str) -> Result<MappingClient<Channel>, ClientError> {
     let bad = || ClientError::Address { found: address.into() };
     let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
     port.parse::<u16>().map_err(|_| bad())?;
-    if address.starts_with("https://") {
+    if address.to_ascii_lowercase().starts_with("https://") {
         return Err(ClientError::Tls { address: address.into() });
     }
     let uri = if address.contains("://") { address.into() } else { format!("http://{address}") };

@@ -269,7 +269,7 @@ async fn errors_say_what_to_do() {
     for address in ["nowhere", "localhost:http", "a b:1", ""] {
         assert!(matches!(error(vec![1], &at(address)).await, ClientError::Address { .. }));
     }
-    let encrypted = error(vec![1], &at("https://127.0.0.1:1")).await;
+    let encrypted = error(vec![1], &at("HTTPS://127.0.0.1:1")).await;
     assert!(matches!(encrypted, ClientError::Tls { .. }), "it is not sent in plain text");
     // A port that was free a moment ago.
     let free = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();

@@ -49,6 +49,20 @@ async fn a_map_that_cannot_be_rebuilt_keeps_its_recording_and_takes_no_frames() 
 }
 
 #[tokio::test]
+async fn a_map_that_was_rebuilt_in_part_is_deleted_as_a_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    record(&maps, &open_message("maps-part"), 0..2).await;
+    // No file can be read there.
+    std::fs::create_dir(folder.path().join("maps-part.map/0002.mcap")).unwrap();
+    replay(&maps, &config().ingest.limits()).await.unwrap();
+    assert!(matches!(maps.get("maps-part"), Err(MapError::Failed { .. })));
+    maps.delete("maps-part").await.unwrap();
+    assert!(matches!(maps.get("maps-part"), Err(MapError::NotFound { .. })), "no part is left");
+    assert!(!folder.path().join("maps-part.map").exists());
+}
+
+#[tokio::test]
 async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
     let folder = tempfile::tempdir().unwrap();
     let maps = maps(folder.path());

@@ -21,11 +21,20 @@ pub enum StoreError {
     )]
     InUse { path: PathBuf, owner: String },
     /// An MCAP file cannot be written.
-    #[error("cannot write to the recording {path}: {reason}")]
+    #[error("cannot write to the recording {path}: {}", said(.reason))]
     Mcap { path: PathBuf, reason: Arc<mcap::McapError> },
     /// The recording's thread ended.
     #[error("the recording {path} was closed")]
     Closed { path: PathBuf },
+}
+
+/// The words of the innermost error: "no space left on device", not "I/O error".
+fn said(error: &mcap::McapError) -> String {
+    let mut error: &dyn std::error::Error = error;
+    while let Some(source) = error.source() {
+        error = source;
+    }
+    error.to_string()
 }
 
 impl StoreError {
@@ -33,7 +42,7 @@ impl StoreError {
     pub(crate) fn reason(&self) -> String {
         match self {
             Self::Io { reason, .. } => reason.to_string(),
-            Self::Mcap { reason, .. } => reason.to_string(),
+            Self::Mcap { reason, .. } => said(reason),
             Self::InUse { .. } => "another server uses the data directory".into(),
             Self::Closed { .. } => "the recording was closed".into(),
         }

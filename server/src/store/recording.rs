@@ -16,7 +16,7 @@ const DAMAGED: &str = ".mcap.damaged-";
 /// Ending of a file that is being repaired.
 const REPAIRED: &str = ".mcap.repaired";
 
-/// Names in a map's folder that end so, sorted. Files of a recording begin with their number.
+/// The wanted names in a map's folder, by the number that they begin with.
 fn names(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<Vec<String>, StoreError> {
     let failed = |reason| StoreError::io("list", folder, reason);
     let mut found = Vec::new();
@@ -24,7 +24,7 @@ fn names(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<Vec<String>,
         let name = entry.map_err(failed)?.file_name();
         found.extend(name.to_str().filter(|name| is_wanted(name)).map(str::to_owned));
     }
-    found.sort();
+    found.sort_by_key(|name| (number(name), name.clone()));
     Ok(found)
 }
 
@@ -82,8 +82,12 @@ impl Recorder {
     /// Creates the next file.
     fn begin(&self) -> Result<Writer, StoreError> {
         let used = names(&self.folder, |name| name.contains(MCAP))?;
-        let next = used.iter().filter_map(|name| number(name)).max().map_or(1, |newest| newest + 1);
-        let writer = Writer::create(&self.folder.join(format!("{next:04}{MCAP}")), &self.open)?;
+        let newest = used.iter().filter_map(|name| number(name)).max().unwrap_or(0);
+        let path = self.folder.join(format!("{:04}{MCAP}", newest.saturating_add(1)));
+        let writer = Writer::create(&path, &self.open).inspect_err(|_| {
+            // On a full disk nothing is in it.
+            let _ = std::fs::remove_file(&path);
+        })?;
         sync_directory(&self.folder)
             .map_err(|reason| StoreError::io("write to", &self.folder, reason))?;
         Ok(writer)
@@ -142,8 +146,11 @@ impl Records {
                 self.is_damaged |= matches!(entry, Entry::Damage(_));
                 return Ok(Some(entry));
             }
-            if self.is_damaged || !reader.is_finished() {
-                repair(&self.folder, name, self.is_damaged)?;
+            if (self.is_damaged || !reader.is_finished())
+                && let Err(error) = repair(&self.folder, name, self.is_damaged)
+            {
+                // What was read is used. It is tried again at the next start.
+                tracing::warn!(%error, "a recording could not be repaired");
             }
             self.current = None;
         }
@@ -160,18 +167,22 @@ fn repair(folder: &Path, name: &str, is_damaged: bool) -> Result<(), StoreError>
     if repaired.exists() {
         std::fs::remove_file(&repaired).map_err(io("remove", &repaired))?;
     }
-    let has_frames = copy(&path, &repaired)?;
+    let has_frames = copy(&path, &repaired).inspect_err(|_| {
+        // The disk may be full: a part of a copy would take the last room.
+        let _ = std::fs::remove_file(&repaired);
+    })?;
     if is_damaged {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
         let aside = folder.join(format!("{stem}{DAMAGED}{since}"));
-        std::fs::rename(&path, &aside).map_err(io("set aside", &path))?;
+        // A second name, so that the recording has a file at every moment.
+        std::fs::hard_link(&path, &aside).map_err(io("set aside", &path))?;
         tracing::error!(file = %aside.display(), "a recording is damaged: what is whole is used, the file was set aside");
     } else {
         tracing::info!(file = %path.display(), "finished a recording that was not closed");
     }
     if has_frames {
         std::fs::rename(&repaired, &path).map_err(io("replace", &path))?;
-    } else if !is_damaged {
+    } else {
         std::fs::remove_file(&path).map_err(io("remove", &path))?;
     }
     sync_directory(folder).map_err(io("write to", folder))

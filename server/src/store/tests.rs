@@ -217,3 +217,27 @@ fn a_full_disk_is_an_error() {
     // A file is only ever created, never opened.
     assert!(writer::Writer::create(&path, &opening()).is_err());
 }
+
+#[tokio::test]
+async fn files_are_read_in_the_order_of_their_numbers() {
+    let data = Data::new();
+    data.record(0..2, true).await;
+    data.record(2..4, true).await;
+    std::fs::rename(data.file("0001.mcap"), data.file("9999.mcap")).unwrap();
+    std::fs::rename(data.file("0002.mcap"), data.file("10000.mcap")).unwrap();
+    data.record(4..6, true).await;
+    assert_eq!(data.names(), ["10000.mcap", "10001.mcap", "9999.mcap"]);
+    assert_eq!(data.read(), (all(0..6), 0));
+}
+
+/// The copy that a repair writes does not fit: here a folder is in its place.
+#[tokio::test]
+async fn frames_are_used_when_a_file_cannot_be_repaired() {
+    let data = Data::new();
+    data.record(0..3, false).await;
+    std::fs::create_dir(data.file("0001.mcap.repaired")).unwrap();
+    assert_eq!(data.read(), (all(0..3), 0));
+    std::fs::remove_dir(data.file("0001.mcap.repaired")).unwrap();
+    assert_eq!(data.read(), (all(0..3), 0));
+    assert_eq!(data.names(), ["0001.mcap"]);
+}

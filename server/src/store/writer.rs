@@ -72,7 +72,10 @@ impl Writer {
         if written.is_err() {
             self.is_closed.store(true, Ordering::Relaxed);
             // Best effort: a part of a frame at the end is left out by readers, too.
-            let _ = self.file.set_len(self.durable_bytes);
+            let _ = match self.durable_bytes {
+                0 => std::fs::remove_file(&self.path),
+                bytes => self.file.set_len(bytes),
+            };
         }
         written
     }
