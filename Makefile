@@ -50,7 +50,7 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-server --bench query
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
-soak: deps ## Long proofs: whole walks of the rooms in ../shared/data, simulated sensors (half an hour)
+soak: deps ## Long proofs: whole walks of the rooms in ../shared/data, simulated sensors (ten minutes)
 	cargo test --workspace --test service -- --ignored --nocapture
 
 fuzz: deps .deps/fuzz/bin/cargo-fuzz ## Run each fuzz target for FUZZ_SECONDS (60)
