@@ -23,6 +23,8 @@ const MOST_RADIANS: f64 = 0.02;
 const MOST_RMS_METRES: f64 = 0.001;
 /// The same with a simulated sensor; with a Kinect twice that.
 const MOST_SENSED_RMS_METRES: f64 = 0.01;
+/// With a simulated sensor, frames may be off by this many times as much.
+const SENSED: f64 = 2.5;
 /// Frames of a walk with a simulated sensor.
 const SENSED_FRAMES: usize = 160;
 
@@ -128,9 +130,10 @@ fn found(ack: &FrameAck) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation))
 }
 
-fn assert_right(walk: &Walk, most_rms_metres: f64) {
-    assert!(walk.worst_metres < MOST_METRES, "a wrong pose is believed: {walk:?}");
-    assert!(walk.worst_radians < MOST_RADIANS, "a wrong pose is believed: {walk:?}");
+/// `factor`: of the largest errors of single frames.
+fn assert_right(walk: &Walk, most_rms_metres: f64, factor: f64) {
+    assert!(walk.worst_metres < factor * MOST_METRES, "a wrong pose is believed: {walk:?}");
+    assert!(walk.worst_radians < factor * MOST_RADIANS, "a wrong pose is believed: {walk:?}");
     assert!(walk.rms_metres < most_rms_metres, "{walk:?}");
     assert!(walk.ends_found && walk.lost * 4 < walk.frames, "lost for good: {walk:?}");
 }
@@ -140,7 +143,7 @@ async fn few_frames_of_a_walk_are_tracked_or_lost_and_never_wrong() {
     for name in ROOMS {
         for stride in [8, 14] {
             let Some(dataset) = room(name, every(stride)) else { return };
-            assert_right(&walk(dataset, config()).await, MOST_RMS_METRES);
+            assert_right(&walk(dataset, config()).await, MOST_RMS_METRES, 1.0);
         }
     }
     let Some(dataset) = room(ROOMS[0], every(14)) else { return };
@@ -154,7 +157,7 @@ async fn many_frames_of_a_walk_are_tracked() {
     for name in ROOMS {
         for stride in [4, 1] {
             let Some(dataset) = room(name, every(stride)) else { return };
-            assert_right(&walk(dataset, config()).await, MOST_RMS_METRES);
+            assert_right(&walk(dataset, config()).await, MOST_RMS_METRES, 1.0);
         }
     }
 }
@@ -170,7 +173,7 @@ async fn simulated_sensors_are_tracked() {
     for name in ROOMS {
         for (preset, factor) in [(KINECT, 2.0), (D435, 1.0), (TOF, 1.0), (PHONE, 1.0)] {
             let Some(dataset) = sensed(name, preset) else { return };
-            assert_right(&walk(dataset, config()).await, factor * MOST_SENSED_RMS_METRES);
+            assert_right(&walk(dataset, config()).await, factor * MOST_SENSED_RMS_METRES, SENSED);
         }
     }
 }
