@@ -4,6 +4,7 @@ use crate::Config;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::frame::Intrinsics;
 use lexsplat_proto::v1;
+use nalgebra::{Isometry3, Vector3};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -66,4 +67,37 @@ pub fn frame(sequence: u64) -> v1::Frame {
         pose_covariance: Vec::new(),
         ..Default::default()
     }
+}
+
+/// The camera in the ray-cast room.
+pub const ROOM_CAMERA: Intrinsics =
+    Intrinsics { width: 160, height: 120, fx: 130.0, fy: 130.0, cx: 79.5, cy: 59.5 };
+
+/// What [`ROOM_CAMERA`] sees of a room of 6x3.2x7 metres with a ball in it, row by row: the place in the world
+/// that each pixel shows, and its depth, both in metres.
+pub fn ray_cast_room(world_from_camera: &Isometry3<f64>) -> Vec<(Vector3<f64>, f64)> {
+    let camera = ROOM_CAMERA;
+    let origin = world_from_camera.translation.vector;
+    let (low, high) = (Vector3::new(-3.0, -1.6, -3.5), Vector3::new(3.0, 1.6, 3.5));
+    let ball = Vector3::new(0.6, 0.5, 2.2) - origin;
+    let seen = |at: u32| {
+        let (u, v) = (f64::from(at % camera.width), f64::from(at / camera.width));
+        let ray = Vector3::new((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
+        let way = world_from_camera.rotation * ray;
+        let wall = |i: usize| {
+            let side = if way[i] > 0.0 { high[i] } else { low[i] };
+            (side - origin[i]) / way[i]
+        };
+        let (half, square) = (way.dot(&ball), way.norm_squared());
+        let root = half * half - square * (ball.norm_squared() - 0.16);
+        let ball = (root > 0.0).then(|| (half - root.sqrt()) / square).filter(|z| *z > 0.0);
+        let z = (0..3).map(wall).chain(ball).fold(f64::INFINITY, f64::min);
+        (origin + z * way, z)
+    };
+    (0..camera.width * camera.height).map(seen).collect()
+}
+
+/// A grey level of a surface with a warm tint, RGB.
+pub fn tinted(grey: f64) -> [u8; 3] {
+    [1.0, 0.9, 0.7].map(|tint| (grey * tint).clamp(0.0, 255.0) as u8)
 }

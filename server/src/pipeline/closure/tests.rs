@@ -2,20 +2,19 @@
 //! another one is not taken for it.
 
 use super::super::compressor::{self, CompressorConfig};
-use super::super::frame::{Frame, Intrinsics, TrackedPose};
+use super::super::frame::{Frame, TrackedPose};
 use super::super::keyframes::{Keyframe, KeyframeWidths};
 use super::super::live_map::{LiveMap, StepBudget};
 use super::super::pose_graph::Edge;
 use super::super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use super::parts::MapParts;
 use super::{Closure, ClosureConfig};
+use crate::test_support::{ROOM_CAMERA as CAMERA, ray_cast_room, tinted};
 use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, HostHead, Trainer};
 use nalgebra::{Isometry3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-const CAMERA: Intrinsics =
-    Intrinsics { width: 160, height: 120, fx: 130.0, fy: 130.0, cx: 79.5, cy: 59.5 };
 /// Frames of a full turn.
 const TURN: u64 = 45;
 /// Standard deviation of a depth of one metre; it grows with the square of the depth.
@@ -32,27 +31,12 @@ fn tile(room: u64, place: &Vector3<f64>) -> f64 {
     30.0 + (hash % 200) as f64
 }
 
-/// What a noisy camera sees of a room of 6x3.2x7 metres with a ball in it.
+/// What a noisy camera sees of a room.
 fn shoot(room: u64, sequence: u64, world_from_camera: &Isometry3<f64>) -> Frame {
     let rng = &mut ChaCha8Rng::seed_from_u64(1000 * room + sequence);
-    let origin = world_from_camera.translation.vector;
     let (mut rgb, mut depth) = (Vec::new(), Vec::new());
-    for at in 0..CAMERA.width * CAMERA.height {
-        let (u, v) = (f64::from(at % CAMERA.width), f64::from(at / CAMERA.width));
-        let ray = Vector3::new((u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0);
-        let way = world_from_camera.rotation * ray;
-        let (low, high) = (Vector3::new(-3.0, -1.6, -3.5), Vector3::new(3.0, 1.6, 3.5));
-        let wall = |i: usize| {
-            let side = if way[i] > 0.0 { high[i] } else { low[i] };
-            (side - origin[i]) / way[i]
-        };
-        let ball = Vector3::new(0.6, 0.5, 2.2) - origin;
-        let (half, square) = (way.dot(&ball), way.norm_squared());
-        let root = half * half - square * (ball.norm_squared() - 0.16);
-        let ball = (root > 0.0).then(|| (half - root.sqrt()) / square).filter(|z| *z > 0.0);
-        let z = (0..3).map(wall).chain(ball).fold(f64::INFINITY, f64::min);
-        let grey = tile(room, &(origin + z * way)) + rng.random_range(-6.0..6.0);
-        rgb.extend([1.0, 0.9, 0.7].map(|tint: f64| (grey * tint).clamp(0.0, 255.0) as u8));
+    for (place, z) in ray_cast_room(world_from_camera) {
+        rgb.extend(tinted(tile(room, &place) + rng.random_range(-6.0..6.0)));
         let noise: f64 = (0..4).map(|_| rng.random_range(-0.87..0.87)).sum();
         depth.push((z + DEPTH_NOISE * z * z * noise) as f32);
     }

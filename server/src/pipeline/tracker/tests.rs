@@ -1,14 +1,12 @@
 //! Whole sequences through a real map without poses: a textured room, ray-cast.
 
-use super::super::frame::{Frame, FrameOutcome, Intrinsics, PoseHint, TrackingState};
+use super::super::frame::{Frame, FrameOutcome, PoseHint, TrackingState};
 use super::super::map::{Map, StreamGuard};
-use crate::test_support::engine;
+use crate::test_support::{ROOM_CAMERA as CAMERA, engine, ray_cast_room, tinted};
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 use std::sync::Arc;
 
-const CAMERA: Intrinsics =
-    Intrinsics { width: 160, height: 120, fx: 130.0, fy: 130.0, cx: 79.5, cy: 59.5 };
 const FRAME_NANOS: u64 = 33_000_000;
 /// Errors of tracked frames stay below this, metres plus radians; worst measured 0.0005 (llvmpipe).
 const CLOSE: f64 = 0.002;
@@ -20,26 +18,11 @@ fn texture(point: &Vector3<f64>) -> f64 {
     0.5 + 0.11 * waves.iter().enumerate().map(wave).sum::<f64>()
 }
 
-/// What a camera sees of a room of 6x3.2x7 metres with a ball in it.
+/// What the camera sees of the room.
 fn shoot(world_from_camera: &Isometry3<f64>) -> (Vec<u8>, Vec<f32>) {
-    let origin = world_from_camera.translation.vector;
     let (mut rgb, mut depth) = (Vec::new(), Vec::new());
-    for at in 0..CAMERA.width * CAMERA.height {
-        let (u, v) = (f64::from(at % CAMERA.width), f64::from(at / CAMERA.width));
-        let ray = Vector3::new((u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0);
-        let way = world_from_camera.rotation * ray;
-        let (low, high) = (Vector3::new(-3.0, -1.6, -3.5), Vector3::new(3.0, 1.6, 3.5));
-        let wall = |i: usize| {
-            let side = if way[i] > 0.0 { high[i] } else { low[i] };
-            (side - origin[i]) / way[i]
-        };
-        let ball = Vector3::new(0.6, 0.5, 2.2) - origin;
-        let (half, square) = (way.dot(&ball), way.norm_squared());
-        let root = half * half - square * (ball.norm_squared() - 0.16);
-        let ball = (root > 0.0).then(|| (half - root.sqrt()) / square).filter(|z| *z > 0.0);
-        let z = (0..3).map(wall).chain(ball).fold(f64::INFINITY, f64::min);
-        let grey = texture(&(origin + z * way)) * 255.0;
-        rgb.extend([1.0, 0.9, 0.7].map(|tint: f64| (grey * tint).clamp(0.0, 255.0) as u8));
+    for (place, z) in ray_cast_room(world_from_camera) {
+        rgb.extend(tinted(texture(&place) * 255.0));
         depth.push(z as f32);
     }
     (rgb, depth)
