@@ -110,10 +110,8 @@ impl RecordedMaps {
             let mut notes = self.not_rebuilt.lock().unwrap_or_else(PoisonError::into_inner);
             notes.remove(name).is_some()
         };
-        match self.engine.delete(name).await {
-            // It could not be rebuilt, so there may be no map or a part of one.
-            Err(MapError::NotFound { .. }) if is_noted => {}
-            deleted => deleted?,
+        if !is_noted {
+            self.engine.delete(name).await?;
         }
         Ok(self.store.forget(name).await?)
     }

@@ -17,20 +17,29 @@ use lexsplat_proto::v1::{self, frame_message::Message};
 pub(crate) async fn replay(maps: &RecordedMaps, limits: &Limits) -> Result<(), StoreError> {
     for map in maps.store().maps()? {
         let map = &*map;
-        let mut replay = Replay { engine: maps.engine(), limits, sender: None, frames: 0 };
+        let mut replay =
+            Replay { engine: maps.engine(), limits, sender: None, frames: 0, skipped: 0 };
         let replayed = match maps.store().records(map) {
             Ok(records) => replay.run(map, records).await,
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(unreadable(map, &error)),
         };
+        let skipped = replay.skipped_words();
+        // Frees the map for its next sender.
+        drop(replay.sender.take());
         match replayed {
             Ok(()) => {
                 tracing::info!(map, frames = replay.frames, "rebuilt a map from its recording");
-                if let (Some(words), Ok(map)) = (maps.damage(map), maps.get(map)) {
-                    map.note_damage(words);
+                let words: Vec<String> = maps.damage(map).into_iter().chain(skipped).collect();
+                if let Ok(map) = maps.get(map)
+                    && !words.is_empty()
+                {
+                    map.note_damage(words.join("; "));
                 }
             }
             Err(reason) => {
                 tracing::error!(map, reason, "cannot rebuild a map from its recording");
+                // A part of it may be there. An error means that there is none.
+                let _ = maps.engine().delete(map).await;
                 maps.note_not_rebuilt(map, reason);
             }
         }
@@ -45,16 +54,31 @@ struct Replay<'a> {
     sender: Option<(StreamGuard, Opening)>,
     /// Frames sent to the mapper.
     frames: u64,
+    /// Frames that did not pass the checks.
+    skipped: u64,
+}
+
+/// Logs why a recording cannot be read. Returns the reason without a path of the server.
+fn unreadable(map: &str, error: &StoreError) -> String {
+    tracing::error!(map, %error, "a recording cannot be read");
+    error.reason()
 }
 
 impl Replay<'_> {
+    fn skipped_words(&self) -> Option<String> {
+        let skipped = self.skipped;
+        (skipped > 0).then(|| {
+            format!("{skipped} recorded frame(s) do not pass the checks and are not in the map: see the log")
+        })
+    }
+
     async fn run(&mut self, map: &str, mut records: Records) -> Result<(), String> {
         loop {
             let (message, rest) = tokio::task::spawn_blocking(move || (records.next(), records))
                 .await
                 .map_err(|_| "reading the recording panicked".to_owned())?;
             records = rest;
-            match message.map_err(|error| error.to_string())? {
+            match message.map_err(|error| unreadable(map, &error))? {
                 None => return Ok(()),
                 Some(Entry::Message(Message::Open(open))) => self.open(map, &open)?,
                 Some(Entry::Message(Message::Frame(frame))) => self.frame(frame).await?,
@@ -90,6 +114,7 @@ impl Replay<'_> {
             // The frame passed when it was recorded: the configured limits are narrower now.
             Err(refusal) => {
                 tracing::warn!(map = guard.map().name(), %refusal, "skipped a recorded frame");
+                self.skipped += 1;
                 return Ok(());
             }
         };

@@ -56,7 +56,9 @@ async fn a_map_that_was_rebuilt_in_part_is_deleted_as_a_whole() {
     // No file can be read there.
     std::fs::create_dir(folder.path().join("maps-part.map/0002.mcap")).unwrap();
     replay(&maps, &config().ingest.limits()).await.unwrap();
-    assert!(matches!(maps.get("maps-part"), Err(MapError::Failed { .. })));
+    let refused = maps.get("maps-part").map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("could not be rebuilt") && !refused.contains('/'), "{refused}");
+    assert!(engine().map("maps-part").is_err(), "no part of it takes a place");
     maps.delete("maps-part").await.unwrap();
     assert!(matches!(maps.get("maps-part"), Err(MapError::NotFound { .. })), "no part is left");
     assert!(!folder.path().join("maps-part.map").exists());
@@ -80,6 +82,19 @@ async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
     }
     assert!(!folder.path().join("maps-gone.map").exists());
     assert!(matches!(maps.get("maps-gone"), Err(MapError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn frames_that_are_refused_when_they_are_read_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    record(&maps, &open_message("maps-order"), 5..8).await;
+    record(&maps, &open_message("maps-order"), 0..2).await;
+    replay(&maps, &config().ingest.limits()).await.unwrap();
+    let status = maps.get("maps-order").unwrap().status();
+    assert_eq!(status.frames_received, 3);
+    assert!(status.recording_damage.is_some_and(|words| words.starts_with("2 recorded frame(s)")));
+    maps.delete("maps-order").await.unwrap();
 }
 
 #[tokio::test]
