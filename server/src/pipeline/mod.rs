@@ -25,6 +25,7 @@ pub mod mapper;
 pub mod network;
 mod pose_adam;
 mod pose_graph;
+mod quantile;
 pub mod query;
 pub mod range;
 pub mod snapshot;

@@ -55,6 +55,7 @@ pub const CRATES: &[Declared] = &[
                 "pipeline/exposure",
                 "pipeline/pose_adam",
                 "pipeline/pose_graph",
+                "pipeline/quantile",
                 "pipeline/range",
             ],
             &["pipeline/input_warning"],

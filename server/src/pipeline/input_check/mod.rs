@@ -18,9 +18,10 @@ mod tests;
 
 use super::frame::Frame;
 use super::input_warning::InputWarning;
+use super::quantile::median;
 use pose_check::PoseCheck;
 use registration::RegistrationCheck;
-use small_frame::{Glance, SmallFrame, median};
+use small_frame::{Glance, SmallFrame};
 use std::collections::VecDeque;
 
 /// Frames that are examined at most; each differs from the one before.

@@ -3,6 +3,7 @@
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::features::Grey;
 use super::super::frame::Frame;
+use super::super::quantile::median;
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
 use std::sync::Arc;
@@ -97,10 +98,4 @@ impl Glance {
         let is_most = |part: usize, whole: usize| part as f32 >= ALIKE * whole as f32;
         is_most(steps.len(), self.pixels.len()) && is_most(same, measured().count())
     }
-}
-
-/// The median of some finite numbers; `None` of none.
-pub(super) fn median(values: &mut [f32]) -> Option<f32> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }

@@ -2,6 +2,7 @@
 
 use super::super::frame::Frame;
 use super::super::keyframes::{KeyframeStore, SurfaceSample};
+use super::super::quantile::median;
 use super::config::MapperConfig;
 use nalgebra::Isometry3;
 
@@ -25,8 +26,8 @@ pub(in super::super) fn is_keyframe(
     let Some(newest) = keyframes.newest() else { return true };
     let newest_from_camera = newest.frame.world_from_camera.inverse() * world_from_camera;
     let moved_metres = newest_from_camera.translation.vector.norm();
-    let Some(median) = median_depth(&frame.depth_metres) else { return false };
-    if moved_metres > config.keyframe_translation * f64::from(median)
+    let Some(median_metres) = median_depth(&frame.depth_metres) else { return false };
+    if moved_metres > config.keyframe_translation * f64::from(median_metres)
         || newest_from_camera.rotation.angle() > config.keyframe_rotation_radians
     {
         return true;
@@ -42,12 +43,7 @@ fn median_depth(depth_metres: &[f32]) -> Option<f32> {
     let stride = (depth_metres.len() / 4096).max(1);
     let mut sample: Vec<f32> =
         depth_metres.iter().step_by(stride).copied().filter(|depth| *depth > 0.0).collect();
-    let middle = sample.len() / 2;
-    if sample.is_empty() {
-        return None;
-    }
-    let (_, median, _) = sample.select_nth_unstable_by(middle, f32::total_cmp);
-    Some(*median)
+    median(&mut sample)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! a map with few steps is blurred and differs from every picture.
 
 use super::super::super::downsampled_frame::DownsampledFrame;
-use super::quantile::quantile;
+use super::super::super::quantile::median;
 
 /// About as many pixels are compared.
 const SAMPLES: usize = 4000;
@@ -14,14 +14,12 @@ const SAMPLES: usize = 4000;
 const LEAST_SHARE: f32 = 0.1;
 /// The newest keyframes that may be compared with.
 const KEYFRAMES: usize = 4;
-/// The share of the pixels that differ by less than the disagreement. It is not larger because small images
-/// consist of edges, which differ when pixels are averaged.
-const QUANTILE: f32 = 0.5;
 /// Pixels that are darker do not tell the gain.
 const LEAST_INTENSITY: f32 = 0.1;
 
 /// The median color error between a new keyframe and the newest keyframe that shares surfaces
-/// with it, 0 to 1; 0 if there is none. A gain of each color channel is removed first.
+/// with it, 0 to 1; 0 if there is none. A gain of each color channel is removed first. A higher quantile would
+/// take small images for noisy ones: they consist of edges, which differ when pixels are averaged.
 pub(super) fn disagreement<'a>(
     image: &DownsampledFrame,
     keyframes: impl DoubleEndedIterator<Item = &'a DownsampledFrame>,
@@ -45,13 +43,13 @@ fn between(image: &DownsampledFrame, keyframe: &DownsampledFrame) -> Option<f32>
     let gain = |channel: usize| {
         let usable = pairs.iter().filter(|(seen, _)| seen[channel] > LEAST_INTENSITY);
         let ratios = usable.map(|(seen, shown)| shown[channel] / seen[channel]);
-        quantile(ratios.collect(), 0.5).unwrap_or(1.0)
+        median(&mut ratios.collect::<Vec<f32>>()).unwrap_or(1.0)
     };
     let gains: [f32; 3] = std::array::from_fn(gain);
     let error = |(seen, shown): &([f32; 3], [f32; 3])| {
         (0..3).map(|at| (seen[at] * gains[at] - shown[at]).abs()).sum::<f32>() / 3.0
     };
-    quantile(pairs.iter().map(error).collect(), QUANTILE)
+    median(&mut pairs.iter().map(error).collect::<Vec<f32>>())
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! would be inserted again in other colors.
 
 use super::super::super::downsampled_frame::DownsampledFrame;
-use super::quantile::quantile;
+use super::super::super::quantile::median;
 use lexsplat_gpu::ColorImage;
 use std::borrow::Cow;
 
@@ -70,7 +70,8 @@ fn gain(image: &DownsampledFrame, rendered: &ColorImage, pixels: &[usize], chann
         let seen = f32::from(image.rgb[at]) / 255.0;
         GAIN_RANGE.contains(&seen).then(|| rendered.rgb[at] / seen)
     };
-    let gain = quantile(pixels.iter().filter_map(ratio).collect(), 0.5).unwrap_or(1.0);
+    let mut ratios: Vec<f32> = pixels.iter().filter_map(ratio).collect();
+    let gain = median(&mut ratios).unwrap_or(1.0);
     if (gain - 1.0).abs() < LEAST_GAIN { 1.0 } else { gain.clamp(GAINS[0], GAINS[1]) }
 }
 

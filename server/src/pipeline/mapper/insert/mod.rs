@@ -11,7 +11,6 @@ mod disks;
 mod gain;
 mod history;
 mod quadtree;
-mod quantile;
 
 use super::super::backdrop;
 use super::super::downsampled_frame::DownsampledFrame;
