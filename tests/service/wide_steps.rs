@@ -6,11 +6,12 @@
 
 use lexsplat_client::dataset::{Dataset, FrameRange, Replica};
 use lexsplat_client::stream::{FrameStream, MapSpec, Poses};
+use lexsplat_gpu::align::se3::adjoint;
 use lexsplat_proto::v1::{FrameAck, FrameStatus};
 use lexsplat_server::config::Config;
 use lexsplat_synthetic::sensor::{D435, KINECT, PHONE, Preset, Sensed, TOF};
 use lexsplat_tests::{Server, root, tiny_config};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix6, Quaternion, Translation3, UnitQuaternion};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
@@ -25,6 +26,8 @@ const MOST_RMS_METRES: f64 = 0.001;
 const MOST_SENSED_RMS_METRES: f64 = 0.01;
 /// With a simulated sensor, frames may be off by this many times as much; worst measured 1.1 times.
 const SENSED: f64 = 2.5;
+/// Covariances expect errors that are right within this factor; measured: 0.4 to 3.2 times the errors.
+const SURE_WITHIN: f64 = 4.0;
 /// Frames of a walk with a simulated sensor.
 const SENSED_FRAMES: usize = 160;
 
@@ -70,6 +73,49 @@ struct Walk {
     rms_metres: f64,
     worst_metres: f64,
     worst_radians: f64,
+    /// Root mean square of the errors relative to the newest keyframe, and of what their covariances expect,
+    /// metres.
+    step_metres: [f64; 2],
+}
+
+impl Walk {
+    fn is_sure_rightly(&self) -> bool {
+        let [found, expected] = self.step_metres;
+        found < SURE_WITHIN * expected && expected < SURE_WITHIN * found
+    }
+}
+
+/// Errors relative to the newest keyframe, and what the covariances expect.
+#[derive(Default)]
+struct Steps {
+    /// True and estimated pose of the newest keyframe.
+    keyframe: Option<[Isometry3<f64>; 2]>,
+    frames: usize,
+    /// Sums of squares of the position's error and of what is expected, metres².
+    squares: [f64; 2],
+}
+
+impl Steps {
+    fn add(&mut self, truth: &Isometry3<f64>, pose: &Isometry3<f64>, ack: &FrameAck) {
+        if let Some([true_keyframe, keyframe]) = &self.keyframe {
+            let expected = true_keyframe.inverse() * truth;
+            let error = expected.inverse() * keyframe.inverse() * pose;
+            assert_eq!(ack.pose_covariance.len(), 36, "{ack:?}");
+            let world = Matrix6::from_row_slice(&ack.pose_covariance);
+            let adjoint = adjoint(&pose.inverse());
+            let covariance = adjoint * world * adjoint.transpose();
+            self.frames += 1;
+            self.squares[0] += error.translation.vector.norm_squared();
+            self.squares[1] += (0..3).map(|i| covariance[(i, i)]).sum::<f64>();
+        }
+        if ack.keyframe {
+            self.keyframe = Some([*truth, *pose]);
+        }
+    }
+
+    fn metres(&self) -> [f64; 2] {
+        self.squares.map(|sum| (sum / self.frames.max(1) as f64).sqrt())
+    }
 }
 
 /// Streams a data set whose first pose alone is given.
@@ -95,16 +141,18 @@ async fn walk(dataset: Box<dyn Dataset>, config: Config) -> Walk {
             assert!(frames.send(frame).await, "the stream is open");
         }
     });
-    let (mut walk, mut squares) = (Walk::default(), 0.0);
+    let (mut walk, mut squares, mut steps) = (Walk::default(), 0.0, Steps::default());
     while let Some(ack) = acks.next().await.expect("the stream ends well") {
         let truth = dataset.moment(walk.frames).expect("it is read").world_from_camera;
         walk.frames += 1;
-        let error = found(&ack).map(|pose| truth.expect("poses are known").inverse() * pose);
-        walk.ends_found = error.is_some();
-        let Some(error) = error else {
+        let (truth, pose) = (truth.expect("poses are known"), found(&ack));
+        walk.ends_found = pose.is_some();
+        let Some(pose) = pose else {
             walk.lost += 1;
             continue;
         };
+        steps.add(&truth, &pose, &ack);
+        let error = truth.inverse() * pose;
         let metres = error.translation.vector.norm();
         squares += metres * metres;
         walk.worst_metres = walk.worst_metres.max(metres);
@@ -113,6 +161,7 @@ async fn walk(dataset: Box<dyn Dataset>, config: Config) -> Walk {
     sending.await.expect("all is sent");
     assert_eq!(walk.frames, dataset.len());
     walk.rms_metres = (squares / (walk.frames - walk.lost).max(1) as f64).sqrt();
+    walk.step_metres = steps.metres();
     println!("{}: {walk:?}", dataset.name());
     server.stop().await;
     walk
@@ -136,6 +185,7 @@ fn assert_right(walk: &Walk, most_rms_metres: f64, factor: f64) {
     assert!(walk.worst_radians < factor * MOST_RADIANS, "a wrong pose is believed: {walk:?}");
     assert!(walk.rms_metres < most_rms_metres, "{walk:?}");
     assert!(walk.ends_found && walk.lost * 4 < walk.frames, "lost for good: {walk:?}");
+    assert!(walk.is_sure_rightly(), "the covariances are wrong: {walk:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -149,6 +199,7 @@ async fn few_frames_of_a_walk_are_tracked_or_lost_and_never_wrong() {
     let Some(dataset) = room(ROOMS[0], every(14)) else { return };
     let credulous = walk(dataset, credulous()).await;
     assert!(credulous.worst_metres > 10.0 * MOST_METRES, "negative control: {credulous:?}");
+    assert!(!credulous.is_sure_rightly(), "negative control: {credulous:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

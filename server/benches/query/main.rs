@@ -14,7 +14,8 @@ use lexsplat_server::pipeline::network::{
     Bundle, Tensor, TextNetworks, VisionNetworks, VisionStages,
 };
 use lexsplat_server::pipeline::query::{
-    Outputs, Query, QueryConfig, QueryThread, SegmentationRequest, SpatialFilter, Timing, View,
+    Client, Outputs, Query, QueryConfig, QueryThread, SegmentationRequest, SpatialFilter, Timing,
+    View,
 };
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use nalgebra::Isometry3;
@@ -116,8 +117,13 @@ impl Bench {
     /// The map as a new revision, of which nothing is cached.
     fn snapshot(&self) -> Arc<MapSnapshot> {
         let world_from_camera = Isometry3::translation(0.0, 0.0, -1.9);
-        let frame =
-            TrackedFrame { sequence: 0, timestamp_nanos: 0, world_from_camera, exposure: [0.0; 2] };
+        let frame = TrackedFrame {
+            sequence: 0,
+            timestamp_nanos: 0,
+            world_from_camera,
+            covariance: None,
+            exposure: [0.0; 2],
+        };
         Arc::new(MapSnapshot {
             map: "bench".into(),
             revision: 1,
@@ -145,7 +151,10 @@ impl Bench {
             max_objects: 10,
             filter: SpatialFilter::default(),
         };
-        Ok(self.runtime.block_on(self.thread.ask(snapshot.clone(), query))?.timing)
+        Ok(self
+            .runtime
+            .block_on(self.thread.ask(&Client::server(), snapshot.clone(), query))?
+            .timing)
     }
 
     fn segment(&self, snapshot: &Arc<MapSnapshot>, view: Option<View>) -> anyhow::Result<Timing> {
@@ -156,7 +165,10 @@ impl Bench {
             threshold: None,
             smoothing_pixels: None,
         };
-        Ok(self.runtime.block_on(self.thread.segment(snapshot.clone(), request))?.timing)
+        Ok(self
+            .runtime
+            .block_on(self.thread.segment(&Client::server(), snapshot.clone(), request))?
+            .timing)
     }
 
     fn run(&self) -> anyhow::Result<()> {

@@ -13,6 +13,7 @@ mod ply;
 mod png;
 mod splat;
 mod spz;
+mod trajectory_json;
 mod tum;
 
 pub use labels::{label_color, labelled_points_ply, labels_png};
@@ -22,10 +23,11 @@ pub use png::{depth_png, heatmap_png, rgb_png};
 pub use tum::{seconds, trajectory};
 
 use crate::pipeline::engine::Engine;
-use crate::pipeline::query::{self, Query, QueryError};
+use crate::pipeline::query::{self, Client, Query, QueryError};
 use crate::pipeline::snapshot::MapSnapshot;
 use std::str::FromStr;
 use std::sync::Arc;
+use trajectory_json::trajectory_json;
 
 /// File formats of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -44,6 +46,8 @@ pub enum Format {
     MeshPly,
     /// `timestamp tx ty tz qx qy qz qw` of every tracked frame.
     TrajectoryTum,
+    /// Poses of every tracked frame with covariances.
+    TrajectoryJson,
 }
 
 /// Why a file cannot be exported.
@@ -52,7 +56,7 @@ pub enum ExportError {
     /// The format is unknown.
     #[error(
         "{found:?} is no export format: expected splats.ply, splats.spz, splats.glb, language.npz, \
-         points.ply, mesh.ply or trajectory.tum"
+         points.ply, mesh.ply, trajectory.tum or trajectory.json"
     )]
     Unknown {
         /// Name in the request.
@@ -85,7 +89,7 @@ pub struct MeshOptions {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::SplatsPly,
         Self::SplatsSpz,
         Self::SplatsGlb,
@@ -93,6 +97,7 @@ impl Format {
         Self::PointsPly,
         Self::MeshPly,
         Self::TrajectoryTum,
+        Self::TrajectoryJson,
     ];
 
     /// File name.
@@ -105,6 +110,7 @@ impl Format {
             Self::PointsPly => "points.ply",
             Self::MeshPly => "mesh.ply",
             Self::TrajectoryTum => "trajectory.tum",
+            Self::TrajectoryJson => "trajectory.json",
         }
     }
 
@@ -113,6 +119,7 @@ impl Format {
         match self {
             Self::SplatsGlb => "model/gltf-binary",
             Self::TrajectoryTum => "text/plain; charset=utf-8",
+            Self::TrajectoryJson => "application/json",
             _ => "application/octet-stream",
         }
     }
@@ -133,17 +140,19 @@ impl FromStr for Format {
 /// [`ExportError`] names the option at fault, or the failure.
 pub async fn file(
     engine: &Engine,
+    client: &Client,
     snapshot: Arc<MapSnapshot>,
     format: Format,
     options: MeshOptions,
 ) -> Result<Vec<u8>, ExportError> {
     let write: fn(&MapSnapshot) -> Vec<u8> = match format {
-        Format::MeshPly => return mesh_file(engine, snapshot, options).await,
+        Format::MeshPly => return mesh_file(engine, client, snapshot, options).await,
         Format::SplatsPly => |snapshot| ply::splats_ply(&snapshot.gaussians),
         Format::SplatsSpz => |snapshot| spz::splats_spz(&snapshot.gaussians),
         Format::SplatsGlb => |snapshot| glb::splats_glb(&snapshot.gaussians),
         Format::LanguageNpz => npz::language_npz,
         Format::PointsPly => |snapshot| ply::points_ply(&snapshot.gaussians),
+        Format::TrajectoryJson => |snapshot| trajectory_json(&snapshot.trajectory),
         Format::TrajectoryTum => |snapshot| trajectory(&snapshot.trajectory).into_bytes(),
     };
     let given = [("voxel", options.voxel_metres.is_some()), ("text", options.question.is_some())];
@@ -156,11 +165,12 @@ pub async fn file(
 
 async fn mesh_file(
     engine: &Engine,
+    client: &Client,
     snapshot: Arc<MapSnapshot>,
     options: MeshOptions,
 ) -> Result<Vec<u8>, ExportError> {
     let voxel = options.voxel_metres.unwrap_or(query::DEFAULT_VOXEL_METRES);
-    let mesh = engine.mesh(snapshot, voxel, options.question).await?;
+    let mesh = engine.mesh(client, snapshot, voxel, options.question).await?;
     let written = tokio::task::spawn_blocking(move || mesh::mesh_ply(&mesh)).await;
     written.map_err(|_| ExportError::Panicked)
 }

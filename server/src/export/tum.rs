@@ -39,6 +39,7 @@ mod tests {
             sequence: 3,
             timestamp_nanos: 1_700_000_000_000_000_001,
             world_from_camera: Isometry3::new(Vector3::new(1.0, -2.0, 0.5), turn),
+            covariance: None,
             exposure: [0.0; 2],
         };
         let text = trajectory(&[frame]);

@@ -15,7 +15,7 @@ use crate::pipeline::frame::{FrameOutcome, TrackingState};
 use crate::pipeline::map::Map;
 use crate::telemetry::{DECODE_SECONDS, FRAME_SECONDS, REFUSED, STREAMS};
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, frame_message::Message};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, oneshot};
@@ -258,11 +258,16 @@ fn outcome_ack(outcome: FrameOutcome) -> FrameAck {
         sequence: outcome.sequence,
         status: status.into(),
         world_from_camera: outcome.world_from_camera.as_ref().map(wire_pose),
+        pose_covariance: outcome.covariance.map(row_major).unwrap_or_default(),
         keyframe: outcome.keyframe,
         map_revision: outcome.revision,
         input_warnings: wire_warnings(outcome.input_warnings),
         ..FrameAck::default()
     }
+}
+
+fn row_major(covariance: Matrix6<f64>) -> Vec<f64> {
+    covariance.transpose().as_slice().to_vec()
 }
 
 fn wire_pose(target_from_source: &Isometry3<f64>) -> v1::Pose {

@@ -5,6 +5,7 @@
 
 use super::exposure;
 use super::input_warning::InputWarning;
+use super::pose_covariance::carried;
 use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
 
@@ -108,6 +109,9 @@ impl TrackingState {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TrackedPose {
     pub world_from_camera: Isometry3<f64>,
+    /// Covariance relative to the map around the camera, in the camera's coordinates (`pose_covariance.rs`);
+    /// `None` if it was not estimated.
+    pub covariance: Option<Matrix6<f64>>,
     /// Exposure (a, b): the map's intensity is exp(a) times the frame's plus b.
     pub exposure: [f64; 2],
     /// Whether the tracker estimated the pose; otherwise it was given.
@@ -128,16 +132,25 @@ pub struct TrackedFrame {
     pub timestamp_nanos: u64,
     /// Pose of the camera.
     pub world_from_camera: Isometry3<f64>,
+    /// Covariance of the pose, as in [`TrackedPose`].
+    pub covariance: Option<Matrix6<f64>>,
     /// Exposure (a, b): the frame's color is exp(a) times the map's plus b.
     pub exposure: [f32; 2],
 }
 
 impl TrackedFrame {
+    /// Covariance of a left perturbation [rho metres, theta radians] of `world_from_camera`, relative to the
+    /// map around the camera; `None` if it was not estimated.
+    pub fn world_covariance(&self) -> Option<Matrix6<f64>> {
+        self.covariance.map(|covariance| carried(&self.world_from_camera, &covariance))
+    }
+
     pub(super) fn new(frame: &Frame, tracked: &TrackedPose) -> Self {
         Self {
             sequence: frame.sequence,
             timestamp_nanos: frame.timestamp_nanos,
             world_from_camera: tracked.world_from_camera,
+            covariance: tracked.covariance,
             exposure: exposure::inverse(tracked.exposure).map(|value| value as f32),
         }
     }
@@ -154,6 +167,8 @@ pub struct FrameOutcome {
     pub relocalised: bool,
     /// Its pose, if tracked.
     pub world_from_camera: Option<Isometry3<f64>>,
+    /// Covariance of the pose, as of [`TrackedFrame::world_covariance`].
+    pub covariance: Option<Matrix6<f64>>,
     /// Whether the map took it as a keyframe.
     pub keyframe: bool,
     /// The map's revision after it.

@@ -24,6 +24,7 @@ mod map_thread;
 pub mod mapper;
 pub mod network;
 mod pose_adam;
+mod pose_covariance;
 mod pose_graph;
 mod quantile;
 pub mod query;

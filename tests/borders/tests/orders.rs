@@ -50,6 +50,7 @@ pub const CRATES: &[Declared] = &[
         root: "lib.rs",
         levels: &[
             &["query_id", "telemetry", "web"],
+            &["pipeline/pose_covariance"],
             &[
                 "pipeline/bilinear",
                 "pipeline/exposure",

@@ -8,7 +8,8 @@
 
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
-use super::super::pose_graph::{Edge, disagreement, inverted};
+use super::super::pose_covariance::inverted;
+use super::super::pose_graph::{Edge, disagreement};
 use super::super::tracker::Comparison;
 use super::config::ClosureConfig;
 use super::parts::{MapParts, poses};

@@ -112,7 +112,7 @@ impl Site {
         let (gaussians, keyframes) = (&live.gaussians, &live.keyframes);
         let mut scene = Scene { trainer, gaussians, keyframes };
         match tracker.track(frame, &mut scene).expect("the device is there") {
-            Tracking::Found(tracked) => tracked,
+            Tracking::Found(tracked) => *tracked,
             Tracking::Lost | Tracking::BeginAnew(_) => panic!("{} is lost", frame.sequence),
         }
     }

@@ -33,6 +33,7 @@ fn keyframe(gpu: &Gpu, sequence: u64, image: DownsampledFrame) -> Keyframe {
     };
     let tracked = TrackedPose {
         world_from_camera: translation(sequence as f64),
+        covariance: None,
         exposure: [0.0; 2],
         is_estimated: true,
         relocalised: false,

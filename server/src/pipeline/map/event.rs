@@ -9,7 +9,7 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot};
 #[derive(Clone, Debug)]
 pub enum MapEvent {
     /// A frame was mapped or lost.
-    Frame(FrameOutcome),
+    Frame(Box<FrameOutcome>),
     /// The frames of a stream are probably wrong.
     InputWarning {
         /// The frame with which it was noticed.

@@ -276,7 +276,7 @@ impl Map {
         // Working before settled, so that no reader sees an idle map in between.
         self.set_working(true);
         self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
-        self.announce(MapEvent::Frame(outcome.clone()));
+        self.announce(MapEvent::Frame(Box::new(outcome.clone())));
         for warning in &outcome.input_warnings {
             self.warn_of_input(outcome.sequence, warning);
         }

@@ -16,6 +16,7 @@ use super::keyframes::{Keyframe, KeyframeWidths};
 use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
 use super::mapper::{Clock, MapperConfig, TiesConfig, insert, language, optimise, select};
+use super::pose_covariance::carried;
 use super::snapshot::MapSnapshot;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
@@ -218,7 +219,7 @@ impl MapThread {
         reply: oneshot::Sender<FrameOutcome>,
     ) -> Result<(), GpuError> {
         let tracked = match self.track(&frame)? {
-            Tracking::Found(tracked) => Some(tracked),
+            Tracking::Found(tracked) => Some(*tracked),
             Tracking::Lost => None,
             Tracking::BeginAnew(first) => self.begin_anew(*first, &frame)?,
         };
@@ -226,7 +227,8 @@ impl MapThread {
             sequence: frame.sequence,
             tracking: self.tracker.state(),
             relocalised: tracked.is_some_and(|tracked| tracked.relocalised),
-            world_from_camera: tracked.map(|tracked| tracked.world_from_camera),
+            world_from_camera: None,
+            covariance: None,
             keyframe: false,
             revision: self.live.revision,
             input_warnings: timed(INPUT_CHECK_SECONDS, || self.input_check.examine(&frame)),
@@ -235,6 +237,8 @@ impl MapThread {
             let mapped = self.map_tracked(frame, tracked)?;
             outcome.keyframe = mapped.is_keyframe;
             outcome.world_from_camera = Some(mapped.world_from_camera);
+            outcome.covariance =
+                tracked.covariance.map(|own| carried(&mapped.world_from_camera, &own));
             self.optimise_behind_frame()?;
         }
         self.map.finish_frame(&outcome);
@@ -284,7 +288,7 @@ impl MapThread {
             self.map_tracked(first, &tracked)?;
         }
         Ok(match self.track(second)? {
-            Tracking::Found(tracked) => Some(tracked),
+            Tracking::Found(tracked) => Some(*tracked),
             Tracking::Lost | Tracking::BeginAnew(_) => None,
         })
     }

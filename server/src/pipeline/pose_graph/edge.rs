@@ -1,6 +1,6 @@
 //! Measured relative poses and their covariances.
 
-use lexsplat_gpu::align::se3::{self, adjoint};
+use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Matrix6, Vector6};
 
 /// Surfaces are about this far from a camera, metres: how much an error of a rotation counts.
@@ -37,20 +37,6 @@ impl Edge {
         let first_from_second = poses[self.first].inverse() * poses[self.second];
         se3::log(&(first_from_second * self.first_from_second.inverse()))
     }
-}
-
-/// The same knowledge of `b_from_a` if this is the covariance of `a_from_b`.
-pub(in super::super) fn inverted(
-    a_from_b: &Isometry3<f64>,
-    covariance: &Matrix6<f64>,
-) -> Matrix6<f64> {
-    carried(&a_from_b.inverse(), covariance)
-}
-
-/// A covariance in the coordinates of a, in those of b.
-pub(super) fn carried(b_from_a: &Isometry3<f64>, covariance: &Matrix6<f64>) -> Matrix6<f64> {
-    let adjoint = adjoint(b_from_a);
-    adjoint * covariance * adjoint.transpose()
 }
 
 /// Squared distance of two relative poses in units of their covariance; infinite if that is singular. It is

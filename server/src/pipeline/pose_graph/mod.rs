@@ -14,8 +14,9 @@ mod solve;
 #[cfg(test)]
 mod tests;
 
-pub(super) use edge::{Edge, disagreement, inverted};
+pub(super) use edge::{Edge, disagreement};
 
+use super::pose_covariance::carried;
 use nalgebra::{Isometry3, Matrix6};
 
 /// A keyframe in the graph.
@@ -79,7 +80,7 @@ impl PoseGraph {
         let at_node = |(node, covariance): (usize, &Option<Matrix6<f64>>)| {
             let node_from_from = poses[node].inverse() * poses[from];
             covariance.as_ref().map_or(f64::INFINITY, |covariance| {
-                edge::expected_metres(&edge::carried(&node_from_from, covariance))
+                edge::expected_metres(&carried(&node_from_from, covariance))
             })
         };
         covariances.iter().enumerate().map(at_node).collect()

@@ -2,7 +2,8 @@
 //! uncertainty (Dijkstra 1959). Other paths make a pose more certain than this; so it errs on the careful
 //! side.
 
-use super::edge::{Edge, expected_metres, inverted};
+use super::super::pose_covariance::inverted;
+use super::edge::{Edge, expected_metres};
 use lexsplat_gpu::align::se3::adjoint;
 use nalgebra::{Isometry3, Matrix6};
 

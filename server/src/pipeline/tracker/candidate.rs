@@ -27,9 +27,9 @@ pub(super) struct PoseCandidate {
     /// Exposure (a, b): the map's intensity is exp(a) times the frame's plus b.
     pub exposure: [f64; 2],
     pub quality: AlignmentQuality,
-    /// Covariance of a left perturbation [rho metres, theta radians] of `base_from_camera`, where base is the
-    /// pose that the alignment began at, or the keyframe if there was one alone.
-    pub covariance: Matrix6<f64>,
+    /// Covariance relative to the references, in the camera's coordinates (`pose_covariance.rs`); `None` if it
+    /// was not estimated.
+    pub covariance: Option<Matrix6<f64>>,
     /// The keyframe that it was found beside, if that is not connected with the newest.
     pub beside: Option<u64>,
     /// Whether the pose was searched for far from the predicted one.
@@ -72,12 +72,11 @@ impl PoseCandidate {
     /// A given pose: it is not in doubt.
     pub fn given(world_from_camera: Isometry3<f64>) -> Self {
         let quality = AlignmentQuality::PERFECT;
-        let covariance = Matrix6::zeros();
         Self {
             world_from_camera,
             exposure: [0.0; 2],
             quality,
-            covariance,
+            covariance: None,
             beside: None,
             jumped: false,
         }

@@ -5,6 +5,7 @@
 
 use super::super::features::Features;
 use super::super::keyframes::Keyframe;
+use super::super::pose_covariance::carried;
 use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
 use super::feature_pose::{self, FeaturePose};
@@ -33,10 +34,12 @@ pub(in super::super) struct Comparison {
 }
 
 impl Comparison {
-    fn new(keyframe: &Keyframe, found: &PoseCandidate) -> Self {
+    /// `None` if the covariance was not estimated.
+    fn new(keyframe: &Keyframe, found: &PoseCandidate) -> Option<Self> {
         let world_from_keyframe = keyframe.frame.world_from_camera;
         let keyframe_from_camera = world_from_keyframe.inverse() * found.world_from_camera;
-        Self { keyframe_from_camera, covariance: found.covariance }
+        let covariance = carried(&keyframe_from_camera, &found.covariance?);
+        Some(Self { keyframe_from_camera, covariance })
     }
 }
 
@@ -54,7 +57,7 @@ pub(super) fn compare<'a>(
     for keyframe in keyframes {
         let Some(found) = aligner.compare_last(keyframe, keyframes)? else { break };
         if found.quality.is_aligned(config) {
-            compared.push((*keyframe, Comparison::new(keyframe, &found)));
+            compared.extend(Comparison::new(keyframe, &found).map(|found| (*keyframe, found)));
         }
     }
     Ok(compared)
@@ -80,7 +83,7 @@ pub(super) fn recognise(
     let matched = matched.filter(is_matched).map(|found| found.keyframe_from_camera);
     let Some(start) = matched.or(expected) else { return Ok(None) };
     let Some(found) = aligner.align_last(keyframe, &start)? else { return Ok(None) };
-    let comparison = Comparison::new(keyframe, &found);
+    let Some(comparison) = Comparison::new(keyframe, &found) else { return Ok(None) };
     let (metres, radians) = distance(&start, &comparison.keyframe_from_camera);
     tracing::debug!(metres, radians, quality = ?found.quality, "aligned with a keyframe");
     let is_sure = metres <= NEAR_METRES

@@ -68,7 +68,7 @@ pub(super) struct Tracker {
 
 /// What became of a frame.
 pub(super) enum Tracking {
-    Found(TrackedPose),
+    Found(Box<TrackedPose>),
     Lost,
     /// The frame is not in the map, but it agrees with this earlier one, which was lost too. The map has only
     /// a few frames: it is to be emptied and begun with the earlier frame.
@@ -123,7 +123,8 @@ impl Tracker {
             self.state = TrackingState::Lost;
             return self.lost(frame);
         };
-        let PoseCandidate { world_from_camera, exposure, jumped, quality, beside, .. } = candidate;
+        let PoseCandidate { world_from_camera, exposure, jumped, quality, beside, covariance } =
+            candidate;
         if was_lost || jumped {
             self.motion.restart(world_from_camera, frame.timestamp_nanos);
         } else {
@@ -137,9 +138,15 @@ impl Tracker {
         }
         self.young.tracked(is_estimated, self.usable);
         let relocalised = (was_lost || jumped) && is_estimated;
-        let tracked =
-            TrackedPose { world_from_camera, exposure, is_estimated, relocalised, beside };
-        Ok(Tracking::Found(tracked))
+        let tracked = TrackedPose {
+            world_from_camera,
+            covariance,
+            exposure,
+            is_estimated,
+            relocalised,
+            beside,
+        };
+        Ok(Tracking::Found(Box::new(tracked)))
     }
 
     /// A frame is lost. If the map is young, it is kept, or the map begins anew.

@@ -8,6 +8,7 @@ mod last;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::Frame;
 use super::super::keyframes::Keyframe;
+use super::super::pose_covariance::carried;
 use super::candidate::{InitialPose, PoseCandidate};
 use super::config::TrackerConfig;
 use super::multi_reference::{self, Reference};
@@ -321,7 +322,8 @@ fn align(
 ) -> Result<PoseCandidate, GpuError> {
     let (aligned, systems) =
         multi_reference::align(aligner, references, live, world_from_base, start, schedule)?;
-    let mut world_from_camera = world_from_base * aligned.estimate.reference_from_live;
+    let base_from_camera = aligned.estimate.reference_from_live;
+    let mut world_from_camera = world_from_base * base_from_camera;
     world_from_camera.rotation.renormalize();
     // A prior constrains motions that the images do not show.
     let conditioning = aligned.system.conditioning(schedule.with_exposure, schedule.prior.as_ref());
@@ -339,10 +341,11 @@ fn align(
     };
     let system = best.map(|at| &systems[at]);
     let (with_exposure, stride) = (schedule.with_exposure, schedule.settings.stride);
+    let covariance = uncertainty::covariance(&aligned.system, with_exposure, stride);
     Ok(PoseCandidate {
         world_from_camera,
         exposure,
-        covariance: uncertainty::covariance(&aligned.system, with_exposure, stride),
+        covariance: Some(carried(&base_from_camera.inverse(), &covariance)),
         quality: AlignmentQuality::of(system, &seen_from_reference, conditioning),
         beside: None,
         jumped: false,
