@@ -111,7 +111,8 @@ pub async fn serve(
     let http_stop = stopping.clone().cancelled_owned();
     let mut parts = JoinSet::new();
     parts.spawn(async move {
-        let served = axum::serve(listeners.http, router).with_graceful_shutdown(http_stop).await;
+        let service = router.into_make_service_with_connect_info::<SocketAddr>();
+        let served = axum::serve(listeners.http, service).with_graceful_shutdown(http_stop).await;
         served.map_err(RunError::from)
     });
     tokio::pin!(shutdown);

@@ -39,6 +39,8 @@ pub(crate) const REFUSED: &str = "lexsplat_refused_total";
 pub(crate) const CLOSED_LOOPS: &str = "lexsplat_closed_loops_total";
 /// Histogram: seconds to look for a loop, and to close it, per keyframe.
 pub(crate) const CLOSURE_SECONDS: &str = "lexsplat_closure_seconds";
+/// Counter: calls that were ended because of an unfinished message, by `reason` ("bytes" or "time").
+pub(crate) const UNFINISHED_ENDED: &str = "lexsplat_unfinished_ended_total";
 /// Gauge: open streams.
 pub(crate) const STREAMS: &str = "lexsplat_streams";
 

@@ -1,5 +1,6 @@
 //! A server with everything in it, and its clients.
 
+mod attacks;
 mod backpressure;
 mod bad_input;
 mod budget;

@@ -44,11 +44,21 @@ impl ServerProcess {
         Self { child, grpc: address("grpc"), http: address("http") }
     }
 
-    /// Memory of the process that is in the machine's memory (`VmRSS`), bytes.
+    /// Memory of the process that is in the machine's memory, bytes.
     pub fn resident_bytes(&self) -> u64 {
+        self.status_bytes("VmRSS:")
+    }
+
+    /// The most that it ever had there, bytes.
+    pub fn peak_bytes(&self) -> u64 {
+        self.status_bytes("VmHWM:")
+    }
+
+    /// A number in the process's status.
+    fn status_bytes(&self, key: &str) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id()))
             .expect("Linux says what a process takes");
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its memory");
+        let line = status.lines().find_map(|line| line.strip_prefix(key)).expect("its memory");
         let kib = line.trim().strip_suffix("kB").expect("in kB").trim();
         kib.parse::<u64>().expect("a number") * 1024
     }

@@ -1,13 +1,12 @@
 //! Color images: JPEG, PNG or raw RGB -> `[height * width * 3]`, 8 bit.
 //!
-//! Sizes are read from the headers and checked before anything is decoded.
+//! Sizes are read from the headers and checked before pixels are decoded.
 
-use super::images::{self, decoder_limits};
+use super::images;
 use super::refusal::Refusal;
 use crate::pipeline::frame::Intrinsics;
-use image::{ImageFormat, ImageReader};
+use image::ImageFormat;
 use lexsplat_proto::v1::ColorFormat;
-use std::io::Cursor;
 
 const FIELD: &str = "color";
 /// Every JPEG ends with this marker.
@@ -52,12 +51,5 @@ fn jpeg(data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
 }
 
 fn compressed(format: ImageFormat, data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
-    let name = format.extensions_str()[0].to_uppercase();
-    let bad = |error| Refusal::new(FIELD, format!("not a {name} ({} bytes): {error}", data.len()));
-    let found =
-        ImageReader::with_format(Cursor::new(data), format).into_dimensions().map_err(bad)?;
-    images::same_size(FIELD, found, camera)?;
-    let mut reader = ImageReader::with_format(Cursor::new(data), format);
-    reader.limits(decoder_limits(camera));
-    Ok(reader.decode().map_err(bad)?.into_rgb8().into_raw())
+    Ok(images::decode(FIELD, format, data, camera)?.into_rgb8().into_raw())
 }

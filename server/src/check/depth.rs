@@ -8,7 +8,7 @@ use super::limits::Limits;
 use super::opening::Opening;
 use super::refusal::Refusal;
 use crate::pipeline::frame::Intrinsics;
-use image::DynamicImage;
+use image::{DynamicImage, ImageFormat};
 use lexsplat_proto::v1;
 
 const FIELD: &str = "depth";
@@ -54,7 +54,7 @@ pub(super) fn decode(
 }
 
 fn png16(data: &[u8], camera: &Intrinsics) -> Result<Vec<u16>, Refusal> {
-    match images::png(FIELD, data, camera)? {
+    match images::decode(FIELD, ImageFormat::Png, data, camera)? {
         DynamicImage::ImageLuma16(image) => Ok(image.into_raw()),
         other => Err(Refusal::new(
             FIELD,

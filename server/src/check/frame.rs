@@ -13,6 +13,8 @@ use nalgebra::{Isometry3, Matrix6};
 
 /// Numbers in a pose covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
+/// Largest sequence number of a map's first frame.
+const LARGEST_FIRST_SEQUENCE: u64 = 1 << 62;
 
 /// Checks a frame and decodes its images.
 ///
@@ -27,7 +29,7 @@ pub(crate) fn frame(
     newest: Option<u64>,
     limits: &Limits,
 ) -> Result<Frame, Refusal> {
-    sequence(wire.sequence, newest)?;
+    sequence(wire.sequence, newest, limits)?;
     let intrinsics = opening.intrinsics;
     let pose = pose(wire, opening.estimates_poses)?;
     let covariance = covariance(&wire.pose_covariance)?;
@@ -53,12 +55,17 @@ pub(crate) fn frame(
     })
 }
 
-/// Checks that sequence numbers increase.
-fn sequence(found: u64, newest: Option<u64>) -> Result<(), Refusal> {
+/// Checks that sequence numbers increase, and leave room for the frames to come.
+fn sequence(found: u64, newest: Option<u64>, limits: &Limits) -> Result<(), Refusal> {
+    let refuse = |reason: String| Err(Refusal::new("sequence", reason));
+    let most = newest
+        .map_or(LARGEST_FIRST_SEQUENCE, |newest| newest.saturating_add(limits.max_sequence_step));
     match newest {
-        Some(newest) if found <= newest => Err(Refusal::new(
-            "sequence",
-            format!("expected more than {newest}, the newest frame's, found {found}"),
+        Some(newest) if found <= newest => {
+            refuse(format!("expected more than {newest}, the newest frame's, found {found}"))
+        }
+        _ if found > most => refuse(format!(
+            "expected at most {most}, found {found}: no later frame could follow a number that is far too large"
         )),
         _ => Ok(()),
     }

@@ -4,7 +4,7 @@ use super::images::{self, u16s, unzstd};
 use super::refusal::Refusal;
 use crate::pipeline::frame::{Intrinsics, Labels};
 use crate::pipeline::query::MAX_TEXT_BYTES;
-use image::DynamicImage;
+use image::{DynamicImage, ImageFormat};
 use lexsplat_proto::v1;
 use std::sync::Arc;
 
@@ -63,7 +63,7 @@ pub(super) fn decode(
 }
 
 fn png(data: &[u8], camera: &Intrinsics) -> Result<Vec<u16>, Refusal> {
-    match images::png(FIELD, data, camera)? {
+    match images::decode(FIELD, ImageFormat::Png, data, camera)? {
         DynamicImage::ImageLuma8(image) => {
             Ok(image.into_raw().into_iter().map(u16::from).collect())
         }

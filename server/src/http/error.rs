@@ -103,6 +103,9 @@ impl From<QueryError> for Problem {
     fn from(error: QueryError) -> Self {
         match (&error, error.field()) {
             (QueryError::Stopped, _) => Self::unavailable(error.to_string()),
+            (QueryError::TooMany { .. }, _) => {
+                Self::new(StatusCode::TOO_MANY_REQUESTS, error.to_string())
+            }
             (QueryError::UnknownFrame { .. }, Some(field)) => {
                 Self::not_found(error.to_string()).at(field)
             }

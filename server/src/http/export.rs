@@ -1,7 +1,7 @@
 //! `GET /v1/maps/{name}/export/{file}`: a map as a file, with `ETag` and ranges.
 
 use super::error::Problem;
-use super::extract::{NamedMap, Options, Segments};
+use super::extract::{Asker, NamedMap, Options, Segments};
 use super::file_cache::{ExportOptions, Exported};
 use super::range::{Tagged, respond};
 use super::state::State;
@@ -18,7 +18,7 @@ use std::sync::Arc;
     get, path = "/v1/maps/{name}/export/{file}", tag = "maps",
     params(
         ("name" = String, Path),
-        ("file" = String, Path, description = "splats.ply, splats.spz, splats.glb, language.npz, points.ply, mesh.ply or trajectory.tum"),
+        ("file" = String, Path, description = "splats.ply, splats.spz, splats.glb, language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"),
         ExportOptions,
     ),
     responses(
@@ -33,6 +33,7 @@ use std::sync::Arc;
 pub(super) async fn file(
     state: State,
     NamedMap(map): NamedMap,
+    Asker(client): Asker,
     segments: Segments,
     Options(options): Options<ExportOptions>,
     headers: HeaderMap,
@@ -43,7 +44,7 @@ pub(super) async fn file(
         return Ok(respond(file, &headers, format.media_type()));
     }
     let mesh = check::mesh_options(options.voxel, options.text.as_deref())?;
-    let data = export::file(state.engine(), snapshot.clone(), format, mesh).await?;
+    let data = export::file(state.engine(), &client, snapshot.clone(), format, mesh).await?;
     let tagged = tokio::task::spawn_blocking(move || {
         let digest = Sha256::digest(&data);
         let etag: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();

@@ -3,11 +3,14 @@
 use super::error::Problem;
 use super::state::Shared;
 use crate::pipeline::map::Map;
-use axum::extract::{FromRequest, FromRequestParts, Path, Request};
+use crate::pipeline::query::Client;
+use axum::extract::{ConnectInfo, FromRequest, FromRequestParts, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
+use std::convert::Infallible;
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 /// The media type of numpy arrays.
@@ -42,6 +45,19 @@ impl FromRequestParts<Arc<Shared>> for NamedMap {
     async fn from_request_parts(parts: &mut Parts, state: &Arc<Shared>) -> Result<Self, Problem> {
         let segments = Segments::from_request_parts(parts, state).await?;
         Ok(Self(state.maps.get(segments.get("name"))?))
+    }
+}
+
+/// Who asks: the address that the request came from.
+pub(super) struct Asker(pub(super) Client);
+
+impl<S: Send + Sync> FromRequestParts<S> for Asker {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Infallible> {
+        let address = parts.extensions.get::<ConnectInfo<SocketAddr>>();
+        let name = address.map(|ConnectInfo(address)| address.ip().to_string());
+        Ok(Self(Client::new(&name.unwrap_or_default())))
     }
 }
 

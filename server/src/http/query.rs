@@ -1,7 +1,7 @@
 //! `POST /v1/maps/{name}/query`: answering questions.
 
 use super::error::Problem;
-use super::extract::{Body, NamedMap};
+use super::extract::{Asker, Body, NamedMap};
 use super::state::State;
 use super::to_json;
 use crate::check::Question;
@@ -20,25 +20,27 @@ use std::time::Instant;
         (status = 200, body = json::Reply),
         (status = 400, description = "a field is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or frame", body = json::Problem, content_type = "application/problem+json"),
+        (status = 429, description = "too many questions of this client wait", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn ask(
     state: State,
     NamedMap(map): NamedMap,
+    Asker(client): Asker,
     Body(question): Body<json::Question>,
 ) -> Result<Json<json::Reply>, Problem> {
     let started = Instant::now();
     let reply = match Question::from_json(question, state.config.max_render_pixels)? {
         Question::Text(query) => {
             let text = query.text.clone();
-            let mut answer = state.in_time(state.engine().query(&map, query)).await??;
+            let mut answer = state.in_time(state.engine().query(&client, &map, query)).await??;
             let reply = to_json::answer(query_id(), text, map.name(), &answer);
             state.answers.keep(&reply.query_id, map.name(), &mut answer);
             json::Reply::Answer(reply)
         }
         Question::Texts(request) => {
             let texts = request.texts.clone();
-            let found = state.in_time(state.engine().segment(&map, request)).await??;
+            let found = state.in_time(state.engine().segment(&client, &map, request)).await??;
             let reply = to_json::segmentation(query_id(), texts, map.name(), &found);
             state.answers.keep_labels(&reply.query_id, map.name(), found);
             json::Reply::Segmentation(reply)

@@ -1,12 +1,12 @@
 //! Rendered images of a map: from a tracked frame (GET) or any camera (POST).
 
 use super::error::Problem;
-use super::extract::{Body, NPY, NamedMap, Options, wants_npy};
+use super::extract::{Asker, Body, NPY, NamedMap, Options, wants_npy};
 use super::state::{Shared, State};
 use crate::check;
 use crate::export;
 use crate::pipeline::map::Map;
-use crate::pipeline::query::RenderedImage;
+use crate::pipeline::query::{Client, RenderedImage};
 use crate::telemetry::RENDER_SECONDS;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse as _, Response};
@@ -45,13 +45,14 @@ pub(super) struct FrameOptions {
 pub(super) async fn of_frame(
     state: State,
     NamedMap(map): NamedMap,
+    Asker(client): Asker,
     Options(options): Options<FrameOptions>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let FrameOptions { frame, channel, width, height } = options;
     let frame = Some(frame);
     let request = RenderRequest { frame, channel, width, height, ..RenderRequest::default() };
-    picture(&state, &map, request, &headers).await
+    picture(&state, &client, &map, request, &headers).await
 }
 
 /// Renders the map from any camera.
@@ -68,14 +69,16 @@ pub(super) async fn of_frame(
 pub(super) async fn of_view(
     state: State,
     NamedMap(map): NamedMap,
+    Asker(client): Asker,
     headers: HeaderMap,
     Body(request): Body<RenderRequest>,
 ) -> Result<Response, Problem> {
-    picture(&state, &map, request, &headers).await
+    picture(&state, &client, &map, request, &headers).await
 }
 
 async fn picture(
     state: &Shared,
+    client: &Client,
     map: &Map,
     request: RenderRequest,
     headers: &HeaderMap,
@@ -84,7 +87,7 @@ async fn picture(
     let channel = channel_name(request.channel);
     let request =
         check::render_request(request, map.snapshot().intrinsics, state.config.max_render_pixels)?;
-    let picture = state.in_time(state.engine().render(map, request)).await??;
+    let picture = state.in_time(state.engine().render(client, map, request)).await??;
     let npy = wants_npy(headers) && matches!(picture, RenderedImage::Depth { .. });
     let written = tokio::task::spawn_blocking(move || write(&picture, npy)).await;
     let file = written

@@ -10,8 +10,14 @@ use serde::{Deserialize, Serialize};
 pub struct IngestConfig {
     /// The longest gRPC message, bytes.
     pub max_message_bytes: usize,
+    /// Bytes that messages may have together before they are complete; above it the call with the most ends.
+    pub max_unfinished_bytes: usize,
+    /// How long a message may take from its first byte to its last, seconds.
+    pub message_seconds: u64,
     /// The largest image, pixels; larger images are refused before they are decoded.
     pub max_pixels: u64,
+    /// Most by which the sequence number of a frame may exceed the one before.
+    pub max_sequence_step: u64,
     /// Smaller depths are treated as no measurement, metres.
     pub min_depth_metres: f32,
     /// Larger depths are treated as no measurement, metres.
@@ -32,7 +38,10 @@ impl Default for IngestConfig {
     fn default() -> Self {
         Self {
             max_message_bytes: 64 << 20,
+            max_unfinished_bytes: 512 << 20,
+            message_seconds: 120,
             max_pixels: 16 << 20,
+            max_sequence_step: 1_000_000_000_000_000,
             min_depth_metres: 0.01,
             max_depth_metres: 100.0,
             ack_backlog: 64,
@@ -49,6 +58,7 @@ impl IngestConfig {
     pub(crate) fn limits(&self) -> Limits {
         Limits {
             max_pixels: self.max_pixels,
+            max_sequence_step: self.max_sequence_step,
             min_depth_metres: self.min_depth_metres,
             max_depth_metres: self.max_depth_metres,
         }
@@ -60,7 +70,16 @@ impl IngestConfig {
     /// [`OutOfRange`] names the first key that is out of range.
     pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         at_least("ingest.max_message_bytes", self.max_message_bytes, 1)?;
+        let most = self.max_message_bytes;
+        require(
+            self.max_unfinished_bytes >= most,
+            "ingest.max_unfinished_bytes",
+            self.max_unfinished_bytes,
+            format!("at least ingest.max_message_bytes, which is {most}"),
+        )?;
+        at_least("ingest.message_seconds", self.message_seconds, 1)?;
         at_least("ingest.max_pixels", self.max_pixels, 1)?;
+        at_least("ingest.max_sequence_step", self.max_sequence_step, 1)?;
         at_least("ingest.ack_backlog", self.ack_backlog, 1)?;
         at_least("ingest.ack_seconds", self.ack_seconds, 1)?;
         at_least("ingest.open_seconds", self.open_seconds, 1)?;
@@ -92,6 +111,17 @@ mod tests {
                     "ingest.max_message_bytes",
                     |c| c.max_message_bytes = 0,
                     |c| c.max_message_bytes = 1,
+                ),
+                (
+                    "ingest.max_unfinished_bytes",
+                    |c| c.max_unfinished_bytes = c.max_message_bytes - 1,
+                    |c| c.max_unfinished_bytes = c.max_message_bytes,
+                ),
+                ("ingest.message_seconds", |c| c.message_seconds = 0, |c| c.message_seconds = 1),
+                (
+                    "ingest.max_sequence_step",
+                    |c| c.max_sequence_step = 0,
+                    |c| c.max_sequence_step = 1,
                 ),
                 ("ingest.max_pixels", |c| c.max_pixels = 0, |c| c.max_pixels = 1),
                 (

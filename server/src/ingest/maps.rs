@@ -6,6 +6,7 @@ use crate::check;
 use crate::export::{self, Format};
 use crate::pipeline::input_warning::{InputProblem, InputWarning};
 use crate::pipeline::map::MapStatus;
+use crate::pipeline::query::Client;
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -66,6 +67,7 @@ pub(super) fn wire_warnings(warnings: Vec<InputWarning>) -> Vec<v1::InputWarning
 /// leaves.
 pub(super) async fn export(
     context: &Context,
+    client: &Client,
     request: v1::ExportRequest,
 ) -> Result<ReceiverStream<Result<v1::Chunk, Status>>, Status> {
     let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
@@ -73,7 +75,7 @@ pub(super) async fn export(
     let text = (!request.text.is_empty()).then_some(&*request.text);
     let options = check::mesh_options(request.voxel_metres, text)
         .map_err(|refusal| status::refused(&refusal))?;
-    let file = export::file(context.maps.engine(), map.snapshot(), format, options)
+    let file = export::file(context.maps.engine(), client, map.snapshot(), format, options)
         .await
         .map_err(|error| status::of_export(&error))?;
     let mut file = prost::bytes::Bytes::from(file);

@@ -10,6 +10,7 @@ mod query;
 mod service;
 mod status;
 mod stream;
+mod unfinished;
 
 pub use config::IngestConfig;
 pub use service::IngestError;

@@ -4,7 +4,7 @@ use super::context::Context;
 use super::status;
 use crate::check::Question;
 use crate::export::extremes;
-use crate::pipeline::query::{Answer, Heatmap, Object, ScoredPoint, Segmentation, Timing};
+use crate::pipeline::query::{Answer, Client, Heatmap, Object, ScoredPoint, Segmentation, Timing};
 use crate::query_id::query_id;
 use crate::telemetry::QUERY_SECONDS;
 use lexsplat_proto::v1;
@@ -13,6 +13,7 @@ use tonic::Status;
 
 pub(super) async fn answer(
     context: &Context,
+    client: &Client,
     request: v1::QueryRequest,
 ) -> Result<v1::QueryResponse, Status> {
     let started = Instant::now();
@@ -24,12 +25,12 @@ pub(super) async fn answer(
     let response = match question {
         Question::Text(query) => {
             let text = query.text.clone();
-            let answer = engine.query(&map, query).await.map_err(failed)?;
+            let answer = engine.query(client, &map, query).await.map_err(failed)?;
             response(answer, text, map.name().into())
         }
         Question::Texts(request) => {
             let texts = request.texts.clone();
-            let found = engine.segment(&map, request).await.map_err(failed)?;
+            let found = engine.segment(client, &map, request).await.map_err(failed)?;
             segmentation(found, texts, map.name().into())
         }
     };

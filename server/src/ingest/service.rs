@@ -2,8 +2,10 @@
 
 use super::config::IngestConfig;
 use super::context::Context;
+use super::unfinished::Unfinished;
 use super::{maps, query, status, stream};
 use crate::maps::RecordedMaps;
+use crate::pipeline::query::Client;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
 use std::sync::Arc;
@@ -14,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 use tonic::codec::CompressionEncoding;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
+use tower::util::MapRequestLayer;
 
 /// Open calls allowed on one connection.
 const MAX_CALLS_PER_CONNECTION: u32 = 64;
@@ -66,7 +69,12 @@ impl MappingService {
             .max_decoding_message_size(config.max_message_bytes)
             .accept_compressed(CompressionEncoding::Gzip)
             .accept_compressed(CompressionEncoding::Zstd);
+        let timeout = Duration::from_secs(config.message_seconds);
+        let unfinished = Unfinished::new(config.max_unfinished_bytes, timeout);
+        let watch =
+            move |request: axum::http::Request<_>| request.map(|body| unfinished.watch(body));
         tonic::transport::Server::builder()
+            .layer(MapRequestLayer::new(watch))
             .http2_keepalive_interval(Some(Duration::from_secs(config.keepalive_seconds)))
             .http2_keepalive_timeout(Some(Duration::from_secs(config.keepalive_timeout_seconds)))
             .max_concurrent_streams(MAX_CALLS_PER_CONNECTION)
@@ -87,6 +95,12 @@ impl MappingService {
     }
 }
 
+/// Who makes a call: the address that it came from.
+fn client<T>(request: &Request<T>) -> Client {
+    let address = request.remote_addr().map(|address| address.ip().to_string());
+    Client::new(&address.unwrap_or_default())
+}
+
 #[tonic::async_trait]
 impl Mapping for MappingService {
     type StreamFramesStream = ReceiverStream<Result<v1::FrameAck, Status>>;
@@ -103,7 +117,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::QueryRequest>,
     ) -> Result<Response<v1::QueryResponse>, Status> {
-        query::answer(&self.0, request.into_inner()).await.map(Response::new)
+        query::answer(&self.0, &client(&request), request.into_inner()).await.map(Response::new)
     }
 
     async fn create_map(
@@ -144,6 +158,6 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::ExportRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
-        maps::export(&self.0, request.into_inner()).await.map(Response::new)
+        maps::export(&self.0, &client(&request), request.into_inner()).await.map(Response::new)
     }
 }

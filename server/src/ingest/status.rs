@@ -93,6 +93,7 @@ pub(super) fn of_query(error: &QueryError) -> Status {
     let message = error.to_string();
     match (error, error.field()) {
         (QueryError::Stopped, _) => Status::unavailable(message),
+        (QueryError::TooMany { .. }, _) => Status::resource_exhausted(message),
         (QueryError::UnknownFrame { .. }, Some(field)) => {
             at_field(Code::NotFound, &message, field, &message)
         }

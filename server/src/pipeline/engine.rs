@@ -8,8 +8,8 @@ use super::map_thread::{self, StageConfigs};
 use super::mapper::MapperConfig;
 use super::network::{Bundle, BundleError};
 use super::query::{
-    self, Answer, Mesh, Query, QueryConfig, QueryError, QueryThread, RenderRequest, RenderedImage,
-    Segmentation, SegmentationRequest,
+    self, Answer, Client, Mesh, Query, QueryConfig, QueryError, QueryThread, RenderRequest,
+    RenderedImage, Segmentation, SegmentationRequest,
 };
 use super::snapshot::MapSnapshot;
 use super::tracker::TrackerConfig;
@@ -181,8 +181,13 @@ impl Engine {
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the question.
-    pub async fn query(&self, map: &Map, query: Query) -> Result<Answer, QueryError> {
-        self.query_snapshot(map.snapshot(), query).await
+    pub async fn query(
+        &self,
+        client: &Client,
+        map: &Map,
+        query: Query,
+    ) -> Result<Answer, QueryError> {
+        self.query.ask(client, map.snapshot(), query).await
     }
 
     /// Answers a question from a given snapshot.
@@ -194,7 +199,7 @@ impl Engine {
         snapshot: Arc<MapSnapshot>,
         query: Query,
     ) -> Result<Answer, QueryError> {
-        self.query.ask(snapshot, query).await
+        self.query.ask(&Client::server(), snapshot, query).await
     }
 
     /// Compares several texts with each other in the map's newest snapshot.
@@ -203,10 +208,11 @@ impl Engine {
     /// [`QueryError`] names what is wrong with the texts.
     pub async fn segment(
         &self,
+        client: &Client,
         map: &Map,
         request: SegmentationRequest,
     ) -> Result<Segmentation, QueryError> {
-        self.query.segment(map.snapshot(), request).await
+        self.query.segment(client, map.snapshot(), request).await
     }
 
     /// Renders the map's newest snapshot.
@@ -215,10 +221,11 @@ impl Engine {
     /// [`QueryError`] names what is wrong with the request.
     pub async fn render(
         &self,
+        client: &Client,
         map: &Map,
         request: RenderRequest,
     ) -> Result<RenderedImage, QueryError> {
-        self.query.render(map.snapshot(), request).await
+        self.query.render(client, map.snapshot(), request).await
     }
 
     /// Makes a mesh of a snapshot, with the relevancy of each vertex if there is a question. Dropping the
@@ -228,6 +235,7 @@ impl Engine {
     /// [`QueryError`] names what is wrong with the voxel or the question.
     pub async fn mesh(
         &self,
+        client: &Client,
         snapshot: Arc<MapSnapshot>,
         voxel_metres: f32,
         question: Option<Query>,
@@ -236,7 +244,7 @@ impl Engine {
         let mut mesh = query::mesh(self.gpu.clone(), snapshot.clone(), voxel_metres).await?;
         if let Some(question) = question {
             let codes = mesh.codes.clone();
-            mesh.relevancies = self.query.relevancies(snapshot, codes, question).await?;
+            mesh.relevancies = self.query.relevancies(client, snapshot, codes, question).await?;
         }
         Ok(mesh)
     }

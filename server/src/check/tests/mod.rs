@@ -10,8 +10,12 @@ use lexsplat_proto::v1::{self, ColorFormat, DepthFormat};
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
 const PIXELS: usize = (WIDTH * HEIGHT) as usize;
-const LIMITS: Limits =
-    Limits { max_pixels: 16 << 20, min_depth_metres: 0.01, max_depth_metres: 100.0 };
+const LIMITS: Limits = Limits {
+    max_pixels: 16 << 20,
+    max_sequence_step: 1_000_000,
+    min_depth_metres: 0.01,
+    max_depth_metres: 100.0,
+};
 
 fn open_message() -> v1::OpenMap {
     v1::OpenMap {
@@ -283,6 +287,21 @@ fn sequences_increase() {
     assert_eq!(refused(|wire| wire.sequence = 0).0, "sequence");
     let first = v1::Frame { sequence: 0, ..good() };
     frame(&first, &opened(), None, &LIMITS).unwrap();
+}
+
+#[test]
+fn a_sequence_number_leaves_room_for_the_next() {
+    let after = |newest: Option<u64>, sequence: u64| {
+        let found = frame(&v1::Frame { sequence, ..good() }, &opened(), newest, &LIMITS);
+        found.map(|_| ()).map_err(|refusal| refusal.field)
+    };
+    let refused = Err("sequence".to_owned());
+    assert_eq!(after(None, u64::MAX), refused);
+    assert_eq!(after(Some(5), u64::MAX), refused);
+    assert_eq!(after(Some(5), 1_000_006), refused);
+    assert_eq!(after(Some(5), 1_000_005), Ok(()));
+    assert_eq!(after(None, 1_700_000_000_000_000_000), Ok(()), "nanoseconds since 1970");
+    assert_eq!(after(Some(u64::MAX - 1), u64::MAX), Ok(()));
 }
 
 #[test]

@@ -13,7 +13,7 @@ const MAX_CACHE_MIB: usize = 1 << 20;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QueryConfig {
-    /// Questions that may wait for the query thread. When the queue is full, callers wait.
+    /// Questions of one client that may wait; further ones are refused.
     pub queue: usize,
     /// Side of the mean filter over a relevancy map of 1200 columns, pixels. It is scaled in
     /// proportion for other widths.
@@ -46,7 +46,7 @@ pub struct QueryConfig {
 impl Default for QueryConfig {
     fn default() -> Self {
         Self {
-            queue: 8,
+            queue: 64,
             smoothing_pixels: 20,
             threshold: None,
             bias: None,

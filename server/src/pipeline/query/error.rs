@@ -83,6 +83,22 @@ pub enum QueryError {
         /// Permitted memory, MiB.
         limit_mib: usize,
     },
+    /// A picture has more pixels than the device can render.
+    #[error(
+        "width: {width}x{height} pixels are more than this server's device can render: ask for fewer"
+    )]
+    PictureTooLarge {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// The client has as many questions waiting as it may.
+    #[error("{waiting} questions of this client wait already: wait for answers before asking more")]
+    TooMany {
+        /// Number of its questions that wait.
+        waiting: usize,
+    },
     /// A network failed.
     #[error("a network failed")]
     Network(#[from] NetworkError),
@@ -109,7 +125,12 @@ impl QueryError {
             Self::TooManyNegatives { .. } => Some("negatives"),
             Self::BadThreshold { .. } => Some("threshold"),
             Self::BadVoxel { .. } | Self::MeshTooLarge { .. } => Some("voxel"),
-            Self::Network(_) | Self::Gpu(_) | Self::Thread(_) | Self::Stopped => None,
+            Self::PictureTooLarge { .. } => Some("width"),
+            Self::TooMany { .. }
+            | Self::Network(_)
+            | Self::Gpu(_)
+            | Self::Thread(_)
+            | Self::Stopped => None,
         }
     }
 }

@@ -14,6 +14,7 @@ mod camera;
 mod config;
 mod disjoint_sets;
 mod error;
+mod fair_queue;
 mod feature_decoder;
 mod labels;
 mod limits;
@@ -35,6 +36,7 @@ pub use answer::{
 };
 pub use config::QueryConfig;
 pub use error::QueryError;
+pub use fair_queue::Client;
 pub(crate) use limits::{
     DEFAULT_VOXEL_METRES, MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, MAX_VIEW_SIDE,
 };

@@ -1,10 +1,11 @@
-//! The query thread: a bounded queue of requests in front of a [`Worker`].
+//! The query thread: a queue of requests in front of a [`Worker`].
 //!
-//! Requests are answered one after the other. When the queue is full, callers wait.
+//! Requests are answered one after the other; clients take turns.
 
 use super::answer::{Answer, RenderedImage, Segmentation};
 use super::config::QueryConfig;
 use super::error::QueryError;
+use super::fair_queue::{Client, FairQueue, Refused};
 use super::request::{Query, RenderRequest, SegmentationRequest};
 use super::worker::Worker;
 use crate::pipeline::encoder::Embed;
@@ -14,15 +15,16 @@ use lexsplat_gpu::Gpu;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Instant;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::oneshot;
 
 /// Work for the thread; it sends its own reply.
 type Job = Box<dyn FnOnce(&mut Worker) + Send>;
 
+type Queue = Arc<FairQueue<Job>>;
+
 /// A handle to the query thread. Dropping it lets the thread finish its queue and waits for it.
 pub struct QueryThread {
-    /// `None` only during the drop.
-    queue: Option<mpsc::Sender<Job>>,
+    queue: Queue,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -32,14 +34,17 @@ impl QueryThread {
     /// # Errors
     /// The system's, if the thread cannot be started.
     pub fn start(gpu: Gpu, networks: TextNetworks, config: &QueryConfig) -> std::io::Result<Self> {
-        let (queue, mut jobs) = mpsc::channel::<Job>(config.queue);
+        let queue: Queue = Arc::new(FairQueue::new(config.queue));
+        let jobs = queue.clone();
         let mut worker = Worker::new(gpu, networks, config.clone());
         let thread = std::thread::Builder::new().name("query".into()).spawn(move || {
-            while let Some(job) = jobs.blocking_recv() {
+            // Also when it panics: nobody would answer.
+            let _closed = CloseOnDrop(jobs.clone());
+            while let Some(job) = jobs.pop() {
                 job(&mut worker);
             }
         })?;
-        Ok(Self { queue: Some(queue), thread: Some(thread) })
+        Ok(Self { queue, thread: Some(thread) })
     }
 
     /// Answers a question.
@@ -48,11 +53,12 @@ impl QueryThread {
     /// [`QueryError`] names the field at fault, or the failure.
     pub async fn ask(
         &self,
+        client: &Client,
         snapshot: Arc<MapSnapshot>,
         query: Query,
     ) -> Result<Answer, QueryError> {
         let received = Instant::now();
-        self.run(move |worker| worker.answer(&snapshot, &query, received)).await
+        self.run(client, move |worker| worker.answer(&snapshot, &query, received)).await
     }
 
     /// Labels each pixel or Gaussian with the most relevant of several texts.
@@ -61,11 +67,12 @@ impl QueryThread {
     /// [`QueryError`] names the field at fault, or the failure.
     pub async fn segment(
         &self,
+        client: &Client,
         snapshot: Arc<MapSnapshot>,
         request: SegmentationRequest,
     ) -> Result<Segmentation, QueryError> {
         let received = Instant::now();
-        self.run(move |worker| worker.segment(&snapshot, &request, received)).await
+        self.run(client, move |worker| worker.segment(&snapshot, &request, received)).await
     }
 
     /// Renders an image.
@@ -74,10 +81,11 @@ impl QueryThread {
     /// [`QueryError`] names the field at fault, or the failure.
     pub(crate) async fn render(
         &self,
+        client: &Client,
         snapshot: Arc<MapSnapshot>,
         request: RenderRequest,
     ) -> Result<RenderedImage, QueryError> {
-        self.run(move |worker| worker.render(&snapshot, &request)).await
+        self.run(client, move |worker| worker.render(&snapshot, &request)).await
     }
 
     /// Relevancies, 0..1, of codes `[n, code_size]` of the snapshot to a query; 0 for codes of
@@ -87,26 +95,24 @@ impl QueryThread {
     /// [`QueryError`] names the field at fault, or the failure.
     pub(crate) async fn relevancies(
         &self,
+        client: &Client,
         snapshot: Arc<MapSnapshot>,
         codes: Vec<f32>,
         query: Query,
     ) -> Result<Vec<f32>, QueryError> {
-        self.run(move |worker| worker.relevancies(&snapshot, &codes, &query)).await
+        self.run(client, move |worker| worker.relevancies(&snapshot, &codes, &query)).await
     }
 
     /// A function that embeds texts on the query thread, for other threads of the pipeline. It
-    /// blocks, so the query thread itself must not call it. It does not keep the query thread
-    /// alive.
+    /// blocks, so the query thread itself must not call it.
     pub(crate) fn embedder(&self) -> Embed {
-        let queue = self.queue().downgrade();
+        let queue = self.queue.clone();
         Box::new(move |text| {
-            let stopped = || QueryError::Stopped.to_string();
-            let queue = queue.upgrade().ok_or_else(stopped)?;
             let text = text.to_owned();
             let (job, embedding) = job(move |worker| worker.embed(&text));
-            queue.blocking_send(job).map_err(|_| stopped())?;
-            drop(queue);
-            let embedding = embedding.blocking_recv().map_err(|_| stopped())?;
+            push(&queue, &Client::server(), job).map_err(|error| error.to_string())?;
+            let embedding =
+                embedding.blocking_recv().map_err(|_| QueryError::Stopped.to_string())?;
             embedding.map_err(|error| error.to_string())
         })
     }
@@ -114,21 +120,35 @@ impl QueryThread {
     /// Runs `work` on the thread.
     async fn run<T: Send + 'static>(
         &self,
+        client: &Client,
         work: impl FnOnce(&mut Worker) -> Result<T, QueryError> + Send + 'static,
     ) -> Result<T, QueryError> {
         let (job, result) = job(work);
-        self.queue().send(job).await.map_err(|_| QueryError::Stopped)?;
+        push(&self.queue, client, job)?;
         result.await.map_err(|_| QueryError::Stopped)?
     }
+}
 
-    fn queue(&self) -> &mpsc::Sender<Job> {
-        self.queue.as_ref().expect("only the drop takes the queue")
+fn push(queue: &Queue, client: &Client, job: Job) -> Result<(), QueryError> {
+    queue.push(client, job).map_err(|refused| match refused {
+        Refused::Full(waiting) => QueryError::TooMany { waiting },
+        Refused::Closed => QueryError::Stopped,
+    })
+}
+
+/// Closes the queue, and with it the replies of the jobs in it, when the thread ends.
+struct CloseOnDrop(Queue);
+
+impl Drop for CloseOnDrop {
+    fn drop(&mut self) {
+        self.0.close();
+        while self.0.pop().is_some() {}
     }
 }
 
 impl Drop for QueryThread {
     fn drop(&mut self) {
-        self.queue = None;
+        self.queue.close();
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
@@ -137,10 +157,16 @@ impl Drop for QueryThread {
     }
 }
 
-/// A job that sends the result of `work`. The receiver may be dropped before.
+/// A job that sends the result of `work`. It does nothing if nobody waits for the result any more.
 fn job<T: Send + 'static>(
     work: impl FnOnce(&mut Worker) -> T + Send + 'static,
 ) -> (Job, oneshot::Receiver<T>) {
     let (reply, result) = oneshot::channel();
-    (Box::new(move |worker| drop(reply.send(work(worker)))), result)
+    let run = move |worker: &mut Worker| {
+        if !reply.is_closed() {
+            // An error means that the receiver was dropped in the meantime.
+            let _ = reply.send(work(worker));
+        }
+    };
+    (Box::new(run), result)
 }

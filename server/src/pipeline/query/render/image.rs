@@ -8,7 +8,7 @@ use crate::pipeline::query::camera;
 use crate::pipeline::query::error::QueryError;
 use crate::pipeline::query::request::{Channel, RenderRequest, View};
 use crate::pipeline::snapshot::MapSnapshot;
-use lexsplat_gpu::{Camera, ColorImage};
+use lexsplat_gpu::{Camera, ColorImage, GpuError};
 
 /// Opacity below which a pixel has no depth.
 const MIN_OPACITY: f32 = 0.5;
@@ -21,23 +21,38 @@ pub(crate) fn render(
     request: &RenderRequest,
 ) -> Result<RenderedImage, QueryError> {
     let camera = camera::resized(camera::of_view(snapshot, &request.view)?, request.size)?;
+    draw(scene, palettes, snapshot, request, &camera).map_err(|error| match error {
+        GpuError::Limit { .. } => {
+            QueryError::PictureTooLarge { width: camera.width, height: camera.height }
+        }
+        error => error.into(),
+    })
+}
+
+fn draw(
+    scene: &mut Scene,
+    palettes: &mut PaletteCache,
+    snapshot: &MapSnapshot,
+    request: &RenderRequest,
+    camera: &Camera,
+) -> Result<RenderedImage, GpuError> {
     let rgb =
         |data: Vec<u8>| RenderedImage::Rgb { width: camera.width, height: camera.height, data };
     Ok(match request.channel {
         Channel::Color => {
-            let image = scene.color(snapshot, &camera)?;
+            let image = scene.color(snapshot, camera)?;
             let [a, b] = exposure(snapshot, &request.view);
             rgb(image.rgb.iter().map(|&value| to_byte(a.exp() * value + b)).collect())
         }
         Channel::Opacity => {
-            let image = scene.color(snapshot, &camera)?;
+            let image = scene.color(snapshot, camera)?;
             rgb(image.opacity.iter().flat_map(|&value| [to_byte(value); 3]).collect())
         }
         Channel::Depth => {
-            let metres = depth(&scene.color(snapshot, &camera)?, MIN_OPACITY);
+            let metres = depth(&scene.color(snapshot, camera)?, MIN_OPACITY);
             RenderedImage::Depth { width: camera.width, height: camera.height, metres }
         }
-        Channel::Language => rgb(language(scene, palettes, snapshot, &camera)?),
+        Channel::Language => rgb(language(scene, palettes, snapshot, camera)?),
     })
 }
 
@@ -65,7 +80,7 @@ fn language(
     palettes: &mut PaletteCache,
     snapshot: &MapSnapshot,
     camera: &Camera,
-) -> Result<Vec<u8>, QueryError> {
+) -> Result<Vec<u8>, GpuError> {
     let palette = palettes.palette(snapshot);
     let image = scene.language(snapshot, camera)?;
     let channels = snapshot.online.code_size();
