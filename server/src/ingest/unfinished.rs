@@ -261,7 +261,8 @@ mod tests {
         assert_eq!(next(&mut large_body).await, Err(Code::ResourceExhausted));
         assert_eq!(all.calls().total, 350);
         drop((large_body, small_body));
-        assert_eq!((all.calls().total, all.calls().open.len()), (0, 0));
+        let calls = all.calls();
+        assert_eq!((calls.total, calls.open.len()), (0, 0));
     }
 
     #[tokio::test]
