@@ -4,6 +4,7 @@
 //! (`LEXSPLAT__SECTION__KEY`), the command line. An unknown key is an error that names its source
 //! and the most similar known key.
 
+use crate::access::AccessConfig;
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;
 use crate::pipeline::closure::ClosureConfig;
@@ -34,6 +35,8 @@ const ENVIRONMENT_SEPARATOR: &str = "__";
 pub struct Config {
     /// Addresses and the data directory.
     pub server: ServerConfig,
+    /// Who may call.
+    pub access: AccessConfig,
     /// Limits of the gRPC interface.
     pub ingest: IngestConfig,
     /// Choice of the GPU adapter.

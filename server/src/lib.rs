@@ -4,9 +4,11 @@
 //! [`serve`] runs the server. Its listeners are already bound and it stops when a future resolves,
 //! so tests can use free ports and stop it at any time.
 
+pub mod access;
 mod check;
 pub mod config;
 mod export;
+mod file_watch;
 mod http;
 mod ingest;
 mod maps;
@@ -20,6 +22,7 @@ mod web;
 
 pub use config::Config;
 
+use access::{EntriesError, Exposed, Gate};
 use ingest::{IngestError, MappingService};
 use maps::RecordedMaps;
 use pipeline::engine::{Engine, StartError};
@@ -49,6 +52,12 @@ pub enum RunError {
     /// The data directory cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The callers cannot be read.
+    #[error(transparent)]
+    Access(#[from] EntriesError),
+    /// The server would be open to other machines.
+    #[error(transparent)]
+    Exposed(#[from] Exposed),
     /// A listener failed.
     #[error("a listener failed")]
     Listener(#[from] std::io::Error),
@@ -90,20 +99,30 @@ pub async fn serve(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), RunError> {
     telemetry::recorder();
+    let addresses = [listeners.grpc.local_addr()?, listeners.http.local_addr()?];
+    if let Some(address) = access::exposed(&config.access, &addresses)? {
+        tracing::warn!(
+            %address,
+            "nobody is asked who they are: everybody who can connect may read, write and delete all maps"
+        );
+    }
+    let gate = Gate::new(config.access.clone())?;
     let store = Store::open(config.server.data_dir.as_deref())?;
     let maps = RecordedMaps::new(engine.clone(), store);
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
     let ready = Ready {
         event: "ready",
-        grpc: listeners.grpc.local_addr()?,
-        http: listeners.http.local_addr()?,
+        grpc: addresses[0],
+        http: addresses[1],
         adapter: engine.adapter().into(),
         bundle: engine.bundle().into(),
     };
     let (is_ready, ready_state) = watch::channel(false);
+    tokio::spawn(gate.clone().follow_file(stopping.clone()));
     let router = http::router(http::Context {
         maps: maps.clone(),
+        gate: gate.clone(),
         config: config.http.clone(),
         ready: ready_state,
         stopping: stopping.clone(),
@@ -122,7 +141,7 @@ pub async fn serve(
     };
     let mut first = None;
     if rebuilt {
-        let service = MappingService::new(maps, &config.ingest, stopping.clone());
+        let service = MappingService::new(maps, gate, &config.ingest, stopping.clone());
         parts.spawn(async move { service.serve(listeners.grpc).await.map_err(RunError::from) });
         is_ready.send_replace(true);
         on_ready(&ready);

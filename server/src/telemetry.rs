@@ -39,6 +39,8 @@ pub(crate) const REFUSED: &str = "lexsplat_refused_total";
 pub(crate) const CLOSED_LOOPS: &str = "lexsplat_closed_loops_total";
 /// Histogram: seconds to look for a loop, and to close it, per keyframe.
 pub(crate) const CLOSURE_SECONDS: &str = "lexsplat_closure_seconds";
+/// Counter: calls that were refused, by `reason` ("unknown" or "forbidden").
+pub(crate) const CALLS_REFUSED: &str = "lexsplat_calls_refused_total";
 /// Gauge: open streams.
 pub(crate) const STREAMS: &str = "lexsplat_streams";
 
@@ -158,6 +160,7 @@ fn describe() {
     metrics::describe_histogram!(CLOSURE_SECONDS, "Seconds to look for a loop and to close it");
     metrics::describe_counter!(CLOSED_LOOPS, "Loops that were closed and moved the map");
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
+    metrics::describe_counter!(CALLS_REFUSED, "Calls whose caller is unknown or may not make them");
     metrics::describe_gauge!(STREAMS, "Open streams");
 }
 

@@ -13,6 +13,7 @@ mod events;
 mod export;
 mod extract;
 mod file_cache;
+mod guard;
 mod health;
 mod map;
 mod openapi;
@@ -20,6 +21,7 @@ mod query;
 mod range;
 mod render;
 mod router;
+mod session;
 mod state;
 mod to_json;
 

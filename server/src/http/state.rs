@@ -5,6 +5,7 @@ use super::config::HttpConfig;
 use super::error::Problem;
 use super::event_log::EventLogs;
 use super::file_cache::FileCache;
+use crate::access::Gate;
 use crate::maps::RecordedMaps;
 use crate::pipeline::engine::Engine;
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use tokio_util::sync::CancellationToken;
 
 pub(super) struct Shared {
     pub(super) maps: RecordedMaps,
+    pub(super) gate: Gate,
     pub(super) config: HttpConfig,
     /// False while maps are rebuilt from their logs.
     pub(super) ready: watch::Receiver<bool>,

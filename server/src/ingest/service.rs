@@ -2,7 +2,9 @@
 
 use super::config::IngestConfig;
 use super::context::Context;
+use super::guard::{caller, guard, permit};
 use super::{maps, query, status, stream};
+use crate::access::Gate;
 use crate::maps::RecordedMaps;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
@@ -12,6 +14,7 @@ use tokio::net::TcpListener;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tonic::codec::CompressionEncoding;
+use tonic::service::Routes;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
@@ -33,17 +36,18 @@ pub enum IngestError {
 
 /// The `lexsplat.v1.Mapping` service.
 #[derive(Clone)]
-pub(crate) struct MappingService(Context);
+pub(crate) struct MappingService(Context, Gate);
 
 impl MappingService {
-    /// Serves `maps`; streams end when `stopping` is cancelled.
+    /// Serves `maps` to those whom `gate` lets in; streams end when `stopping` is cancelled.
     pub(crate) fn new(
         maps: RecordedMaps,
+        gate: Gate,
         config: &IngestConfig,
         stopping: CancellationToken,
     ) -> Self {
         let (limits, config) = (config.limits(), Arc::new(config.clone()));
-        Self(Context { maps, config, limits, stopping })
+        Self(Context { maps, config, limits, stopping }, gate)
     }
 
     /// Serves until the token is cancelled and every call has ended.
@@ -62,19 +66,23 @@ impl MappingService {
         let (reflection, v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
         let config = self.0.config.clone();
         let stopping = self.0.stopping.clone();
+        let gate = self.1.clone();
         let mapping = MappingServer::new(self)
             .max_decoding_message_size(config.max_message_bytes)
             .accept_compressed(CompressionEncoding::Gzip)
             .accept_compressed(CompressionEncoding::Zstd);
+        let routes = Routes::new(health_service)
+            .add_service(reflection)
+            .add_service(v1alpha)
+            .add_service(mapping)
+            .into_axum_router()
+            .layer(axum::middleware::from_fn_with_state(gate, guard));
         tonic::transport::Server::builder()
             .http2_keepalive_interval(Some(Duration::from_secs(config.keepalive_seconds)))
             .http2_keepalive_timeout(Some(Duration::from_secs(config.keepalive_timeout_seconds)))
             .max_concurrent_streams(MAX_CALLS_PER_CONNECTION)
             .initial_stream_window_size(STREAM_WINDOW_BYTES)
-            .add_service(health_service)
-            .add_service(reflection)
-            .add_service(v1alpha)
-            .add_service(mapping)
+            .add_routes(Routes::from(routes))
             .serve_with_incoming_shutdown(
                 TcpIncoming::from(listener).with_nodelay(Some(true)),
                 async move {
@@ -96,13 +104,15 @@ impl Mapping for MappingService {
         &self,
         request: Request<Streaming<v1::FrameMessage>>,
     ) -> Result<Response<Self::StreamFramesStream>, Status> {
-        Ok(Response::new(stream::start(self.0.clone(), request.into_inner())))
+        let caller = caller(&request)?;
+        Ok(Response::new(stream::start(self.0.clone(), caller, request.into_inner())))
     }
 
     async fn query(
         &self,
         request: Request<v1::QueryRequest>,
     ) -> Result<Response<v1::QueryResponse>, Status> {
+        permit(&caller(&request)?, &request.get_ref().map, "map")?;
         query::answer(&self.0, request.into_inner()).await.map(Response::new)
     }
 
@@ -110,6 +120,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::CreateMapRequest>,
     ) -> Result<Response<v1::MapStatus>, Status> {
+        permit(&caller(&request)?, &request.get_ref().name, "name")?;
         maps::create(&self.0, &request.into_inner().name).await.map(Response::new)
     }
 
@@ -117,6 +128,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::GetMapRequest>,
     ) -> Result<Response<v1::MapStatus>, Status> {
+        permit(&caller(&request)?, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
         let map = self.0.maps.get(&name).map_err(|error| status::of_map(&error, "name"))?;
         Ok(Response::new(maps::wire_status(map.status())))
@@ -124,10 +136,12 @@ impl Mapping for MappingService {
 
     async fn list_maps(
         &self,
-        _request: Request<v1::ListMapsRequest>,
+        request: Request<v1::ListMapsRequest>,
     ) -> Result<Response<v1::ListMapsResponse>, Status> {
-        let maps =
-            self.0.maps.engine().maps().iter().map(|map| maps::wire_status(map.status())).collect();
+        let caller = caller(&request)?;
+        let maps = self.0.maps.engine().maps();
+        let seen = maps.iter().filter(|map| caller.sees(map.name()));
+        let maps = seen.map(|map| maps::wire_status(map.status())).collect();
         Ok(Response::new(v1::ListMapsResponse { maps }))
     }
 
@@ -135,6 +149,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::DeleteMapRequest>,
     ) -> Result<Response<v1::DeleteMapResponse>, Status> {
+        permit(&caller(&request)?, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
         maps::delete(&self.0, &name).await?;
         Ok(Response::new(v1::DeleteMapResponse {}))
@@ -144,6 +159,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::ExportRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
+        permit(&caller(&request)?, &request.get_ref().map, "map")?;
         maps::export(&self.0, request.into_inner()).await.map(Response::new)
     }
 }

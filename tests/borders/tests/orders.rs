@@ -49,7 +49,8 @@ pub const CRATES: &[Declared] = &[
         folder: "server/src",
         root: "lib.rs",
         levels: &[
-            &["query_id", "telemetry", "web"],
+            &["file_watch", "query_id", "telemetry", "web"],
+            &["access"],
             &[
                 "pipeline/bilinear",
                 "pipeline/exposure",

@@ -6,6 +6,7 @@ mod questions;
 mod service;
 
 use super::{Context, HttpConfig, router};
+use crate::access::{AccessConfig, Gate};
 use crate::maps::RecordedMaps;
 use crate::pipeline::frame::Frame;
 use crate::store::Store;
@@ -54,6 +55,7 @@ impl Server {
         let stopping = CancellationToken::new();
         let router = router(Context {
             maps: RecordedMaps::new(engine(), Store::default()),
+            gate: Gate::new(AccessConfig::default()).unwrap(),
             config: HttpConfig { max_body_bytes: 16 << 10, ..HttpConfig::default() },
             ready,
             stopping: stopping.clone(),
