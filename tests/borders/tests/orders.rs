@@ -97,7 +97,7 @@ pub const CRATES: &[Declared] = &[
         folder: "client/src",
         root: "lib.rs",
         levels: &[
-            &["npy"],
+            &["access", "npy"],
             &["dataset/error", "dataset/frame"],
             &["dataset/truth"],
             &["dataset/source"],
@@ -164,8 +164,8 @@ pub const CRATES: &[Declared] = &[
         root: "main.rs",
         levels: &[
             &[
-                "answer", "bench", "choices", "dataset", "files", "progress", "runtime", "server",
-                "waiting",
+                "access", "answer", "bench", "choices", "dataset", "files", "progress", "runtime",
+                "server", "waiting",
             ],
             &["sensing"],
             &["command/measure", "command/segment"],
