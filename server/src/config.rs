@@ -7,6 +7,7 @@
 use crate::access::AccessConfig;
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;
+use crate::net::{ConnectionsConfig, TlsConfig};
 use crate::pipeline::closure::ClosureConfig;
 use crate::pipeline::compressor::CompressorConfig;
 use crate::pipeline::encoder::LanguageConfig;
@@ -37,6 +38,8 @@ pub struct Config {
     pub server: ServerConfig,
     /// Who may call.
     pub access: AccessConfig,
+    /// Limits on connections.
+    pub connections: ConnectionsConfig,
     /// Limits of the gRPC interface.
     pub ingest: IngestConfig,
     /// Choice of the GPU adapter.
@@ -72,6 +75,9 @@ pub struct ServerConfig {
     pub data_dir: Option<PathBuf>,
     /// How long open calls may take to finish when the server stops, seconds.
     pub shutdown_seconds: u64,
+    /// Certificates for both ports; absent: connections are not encrypted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tls: Option<TlsConfig>,
 }
 
 impl Default for ServerConfig {
@@ -81,6 +87,7 @@ impl Default for ServerConfig {
             http: "127.0.0.1:8080".into(),
             data_dir: None,
             shutdown_seconds: 30,
+            tls: None,
         }
     }
 }
@@ -153,6 +160,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError::OutOfRange`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.connections.check()?;
         self.ingest.check()?;
         self.http.check()?;
         self.language.check()?;
@@ -309,7 +317,8 @@ mod tests {
     #[test]
     fn every_section_is_checked() {
         type Change = fn(&mut Config);
-        let refused: [(&str, Change); 8] = [
+        let refused: [(&str, Change); 9] = [
+            ("connections.max", |c| c.connections.max = 0),
             ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
             ("http.event_backlog", |c| c.http.event_backlog = 0),
             ("language.queue", |c| c.language.queue = 0),

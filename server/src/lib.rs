@@ -12,6 +12,7 @@ mod file_watch;
 mod http;
 mod ingest;
 mod maps;
+mod net;
 pub mod pipeline;
 mod query_id;
 mod store;
@@ -22,9 +23,10 @@ mod web;
 
 pub use config::Config;
 
-use access::{EntriesError, Exposed, Gate};
+use access::{AccessConfig, EntriesError, Exposed, Gate};
 use ingest::{IngestError, MappingService};
 use maps::RecordedMaps;
+use net::{Port, Protocol, Tls, TlsError};
 use pipeline::engine::{Engine, StartError};
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -58,10 +60,13 @@ pub enum RunError {
     /// The server would be open to other machines.
     #[error(transparent)]
     Exposed(#[from] Exposed),
-    /// A listener failed.
+    /// The certificates cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// A listener has no address.
     #[error("a listener failed")]
     Listener(#[from] std::io::Error),
-    /// The gRPC server failed.
+    /// The gRPC interface does not start.
     #[error(transparent)]
     Ingest(#[from] IngestError),
     /// A part of the server panicked.
@@ -100,51 +105,45 @@ pub async fn serve(
 ) -> Result<(), RunError> {
     telemetry::recorder();
     let addresses = [listeners.grpc.local_addr()?, listeners.http.local_addr()?];
-    if let Some(address) = access::exposed(&config.access, &addresses)? {
-        tracing::warn!(
-            %address,
-            "nobody is asked who they are: everybody who can connect may read, write and delete all maps"
-        );
-    }
-    let gate = Gate::new(config.access.clone())?;
+    let tls = config.server.tls.clone().map(Tls::new).transpose()?;
+    let gate = gate(&config.access, &addresses, tls.is_some())?;
+    net::raise_limit(config.connections.max);
     let store = Store::open(config.server.data_dir.as_deref())?;
     let maps = RecordedMaps::new(engine.clone(), store);
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
-    let ready = Ready {
-        event: "ready",
-        grpc: addresses[0],
-        http: addresses[1],
-        adapter: engine.adapter().into(),
-        bundle: engine.bundle().into(),
-    };
     let (is_ready, ready_state) = watch::channel(false);
-    tokio::spawn(gate.clone().follow_file(stopping.clone()));
     let router = http::router(http::Context {
         maps: maps.clone(),
         gate: gate.clone(),
         config: config.http.clone(),
+        body_limit: Duration::from_secs(config.connections.body_seconds),
         ready: ready_state,
         stopping: stopping.clone(),
     });
-    let http_stop = stopping.clone().cancelled_owned();
+    tokio::spawn(gate.clone().follow_file(stopping.clone()));
+    if let Some(tls) = tls.clone() {
+        tokio::spawn(tls.follow_files(stopping.clone()));
+    }
+    let limits = config.connections.clone();
+    let port = |protocol, listener, router| {
+        let port = Port { protocol, listener, router, tls: tls.clone(), limits: limits.clone() };
+        net::serve(port, stopping.clone())
+    };
     let mut parts = JoinSet::new();
-    parts.spawn(async move {
-        let served = axum::serve(listeners.http, router).with_graceful_shutdown(http_stop).await;
-        served.map_err(RunError::from)
-    });
+    parts.spawn(port(Protocol::Http, listeners.http, router));
     tokio::pin!(shutdown);
-    let limits = config.ingest.limits();
+    let limits_of_frames = config.ingest.limits();
     let rebuilt = tokio::select! {
-        rebuilt = maps::replay(&maps, &limits) => rebuilt.map(|()| true)?,
+        rebuilt = maps::replay(&maps, &limits_of_frames) => rebuilt.map(|()| true)?,
         () = &mut shutdown => false,
     };
     let mut first = None;
     if rebuilt {
         let service = MappingService::new(maps, gate, &config.ingest, stopping.clone());
-        parts.spawn(async move { service.serve(listeners.grpc).await.map_err(RunError::from) });
+        parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
         is_ready.send_replace(true);
-        on_ready(&ready);
+        on_ready(&ready(&engine, addresses));
         tokio::select! {
             () = &mut shutdown => {}
             ended = parts.join_next() => first = ended,
@@ -161,16 +160,39 @@ pub async fn serve(
     })
 }
 
-type Ended = Result<Result<(), RunError>, JoinError>;
+fn ready(engine: &Engine, [grpc, http]: [SocketAddr; 2]) -> Ready {
+    let (adapter, bundle) = (engine.adapter().into(), engine.bundle().into());
+    Ready { event: "ready", grpc, http, adapter, bundle }
+}
+
+/// Reads who may call, and refuses or warns where others could listen or call.
+fn gate(
+    config: &AccessConfig,
+    addresses: &[SocketAddr],
+    is_encrypted: bool,
+) -> Result<Gate, RunError> {
+    if let Some(address) = access::exposed(config, addresses)? {
+        tracing::warn!(
+            %address,
+            "nobody is asked who they are: everybody who can connect may read, write and delete all maps"
+        );
+    }
+    if config.asks() && !is_encrypted && !addresses.iter().all(access::is_own_machine) {
+        tracing::warn!(
+            "tokens, frames and answers travel in plain text: set [server.tls], or put a proxy that speaks \
+             TLS in front"
+        );
+    }
+    Ok(Gate::new(config.clone())?)
+}
+
+type Ended = Result<(), JoinError>;
 
 /// Waits for all parts of the server; returns the first failure.
-async fn all_ended(
-    first: Option<Ended>,
-    mut parts: JoinSet<Result<(), RunError>>,
-) -> Result<(), RunError> {
+async fn all_ended(first: Option<Ended>, mut parts: JoinSet<()>) -> Result<(), RunError> {
     let mut ended: Vec<Ended> = first.into_iter().collect();
     while let Some(next) = parts.join_next().await {
         ended.push(next);
     }
-    ended.into_iter().try_for_each(|part| part.map_err(|_| RunError::Panicked("a listener"))?)
+    ended.into_iter().try_for_each(|part| part.map_err(|_| RunError::Panicked("a listener")))
 }

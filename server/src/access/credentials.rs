@@ -1,5 +1,6 @@
 //! What a call brings to say who made it.
 
+use crate::net::Peer;
 use axum::http::{HeaderMap, header};
 
 /// The cookie that holds the token of a browser that logged in.
@@ -10,11 +11,13 @@ pub(crate) const COOKIE: &str = "lexsplat_token";
 pub(crate) struct Credentials<'a> {
     /// The bearer token.
     pub(crate) token: Option<&'a str>,
+    /// The DNS names in the client certificate, which count where there is no token.
+    pub(crate) names: &'a [String],
 }
 
 impl<'a> Credentials<'a> {
     /// The token of `authorization: Bearer TOKEN`. A header of another form is a wrong token.
-    pub(crate) fn of_headers(headers: &'a HeaderMap) -> Self {
+    pub(crate) fn of_call(headers: &'a HeaderMap, peer: &'a Peer) -> Self {
         let token = headers.get(header::AUTHORIZATION).map(|value| {
             let text = value.to_str().unwrap_or_default();
             match text.split_once(' ') {
@@ -22,13 +25,13 @@ impl<'a> Credentials<'a> {
                 _ => "",
             }
         });
-        Self { token }
+        Self { token, names: &peer.names }
     }
 
     /// The same, or else the token of the cookie.
-    pub(crate) fn of_browser(headers: &'a HeaderMap) -> Self {
-        let known = Self::of_headers(headers);
-        Self { token: known.token.or_else(|| cookie(headers)) }
+    pub(crate) fn of_browser(headers: &'a HeaderMap, peer: &'a Peer) -> Self {
+        let known = Self::of_call(headers, peer);
+        Self { token: known.token.or_else(|| cookie(headers)), ..known }
     }
 }
 
@@ -41,6 +44,7 @@ fn cookie(headers: &HeaderMap) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::net::Peer;
     use axum::http::HeaderValue;
 
     #[test]
@@ -48,7 +52,10 @@ mod tests {
         let with = |name: &'static str, value: &'static str| {
             HeaderMap::from_iter([(name.parse().unwrap(), HeaderValue::from_static(value))])
         };
-        let of = |headers: &HeaderMap| Credentials::of_headers(headers).token.map(str::to_owned);
+        let nobody = Peer::default();
+        let token = |of: Credentials<'_>| of.token.map(str::to_owned);
+        let of = |headers: &HeaderMap| token(Credentials::of_call(headers, &nobody));
+        let of_browser = |headers: &HeaderMap| token(Credentials::of_browser(headers, &nobody));
         assert_eq!(of(&with("authorization", "Bearer abc")).as_deref(), Some("abc"));
         assert_eq!(of(&with("authorization", "bearer  abc ")).as_deref(), Some("abc"));
         for wrong in ["Basic abc", "abc", "", "Bearer"] {
@@ -57,7 +64,7 @@ mod tests {
         assert_eq!(of(&HeaderMap::new()), None);
         let cookies = with("cookie", "a=1; lexsplat_token=abc; b=2");
         assert_eq!(of(&cookies), None);
-        assert_eq!(Credentials::of_browser(&cookies).token, Some("abc"));
-        assert_eq!(Credentials::of_browser(&with("cookie", "lexsplat_tokens=abc")).token, None);
+        assert_eq!(of_browser(&cookies).as_deref(), Some("abc"));
+        assert_eq!(of_browser(&with("cookie", "lexsplat_tokens=abc")), None);
     }
 }

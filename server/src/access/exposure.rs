@@ -25,7 +25,7 @@ pub fn exposed(
     config: &AccessConfig,
     addresses: &[SocketAddr],
 ) -> Result<Option<SocketAddr>, Exposed> {
-    let outside = addresses.iter().find(|address| !address.ip().to_canonical().is_loopback());
+    let outside = addresses.iter().find(|address| !is_own_machine(address));
     match outside {
         Some(&address) if !config.asks() => match config.insecure_no_auth {
             true => Ok(Some(address)),
@@ -33,6 +33,11 @@ pub fn exposed(
         },
         _ => Ok(None),
     }
+}
+
+/// Whether only programs of this machine can connect.
+pub(crate) fn is_own_machine(address: &SocketAddr) -> bool {
+    address.ip().to_canonical().is_loopback()
 }
 
 #[cfg(test)]

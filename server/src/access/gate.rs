@@ -109,12 +109,12 @@ impl Gate {
             return Ok(Caller::anybody());
         }
         let entries = self.0.entries.read().unwrap_or_else(PoisonError::into_inner).clone();
-        match credentials.token {
-            Some(token) => {
-                entries.with_token(token).map(Caller::of).ok_or(AccessError::UnknownToken)
-            }
-            None => Err(AccessError::NoToken),
+        if let Some(token) = credentials.token {
+            let entry = entries.with_token(token);
+            return entry.map(Caller::of).ok_or(AccessError::UnknownToken);
         }
+        let by_name = credentials.names.iter().find_map(|name| entries.named(name));
+        by_name.map(Caller::of).ok_or(AccessError::NoToken)
     }
 
     fn is_public(&self, public: Public) -> bool {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     fn with(token: &str) -> Credentials<'_> {
-        Credentials { token: Some(token) }
+        Credentials { token: Some(token), names: &[] }
     }
 
     #[test]
@@ -159,6 +159,20 @@ mod tests {
         // Admin does not include write.
         let error = refused(Need::Scope(Scope::Write), None, with("owner"));
         assert!(matches!(error, AccessError::Scope { scope: Scope::Write, .. }));
+    }
+
+    #[test]
+    fn a_certificate_makes_a_caller_known_and_a_wrong_token_is_not_overlooked() {
+        let gate = gate(Vec::new());
+        let names = ["stranger".to_owned(), "reader".to_owned()];
+        let shown = Credentials { token: None, names: &names };
+        assert_eq!(gate.identify(shown).unwrap().name(), "reader");
+        let strangers = Credentials { token: None, names: &names[..1] };
+        assert_eq!(gate.identify(strangers).unwrap_err(), AccessError::NoToken);
+        let with_token = Credentials { token: Some("owner"), names: &names };
+        assert_eq!(gate.identify(with_token).unwrap().name(), "owner");
+        let wrong = Credentials { token: Some("other"), names: &names };
+        assert_eq!(gate.identify(wrong).unwrap_err(), AccessError::UnknownToken);
     }
 
     #[test]

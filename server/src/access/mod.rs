@@ -23,6 +23,7 @@ pub(crate) use caller::{AccessError, Caller};
 pub use config::{AccessConfig, Public};
 pub(crate) use credentials::{COOKIE, Credentials};
 pub use entries::EntriesError;
+pub(crate) use exposure::is_own_machine;
 pub use exposure::{Exposed, exposed};
 pub(crate) use gate::Gate;
 pub use issue::{IssueError, issue};

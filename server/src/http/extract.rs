@@ -58,7 +58,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Options<T> {
     }
 }
 
-/// A JSON body; `Content-Type` is ignored.
+/// A JSON body.
 pub(super) struct Body<T>(pub(super) T);
 
 impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
@@ -66,7 +66,12 @@ impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
 
     async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
         let limit = state.config.max_body_bytes;
-        let body = axum::body::to_bytes(request.into_body(), limit).await.map_err(|_| {
+        let body = axum::body::to_bytes(request.into_body(), limit);
+        let body = tokio::time::timeout(state.body_limit, body).await.map_err(|_| {
+            let detail = format!("the body was not complete within {:?}", state.body_limit);
+            Problem::new(StatusCode::REQUEST_TIMEOUT, detail)
+        })?;
+        let body = body.map_err(|_| {
             let detail = format!("the body is longer than {limit} bytes or incomplete");
             Problem::new(StatusCode::PAYLOAD_TOO_LARGE, detail)
         })?;

@@ -2,6 +2,7 @@
 
 use super::error::Problem;
 use crate::access::{AccessError, Credentials, Gate, rules};
+use crate::net::Peer;
 use axum::extract::{MatchedPath, RawPathParams, Request};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::Next;
@@ -31,7 +32,8 @@ pub(super) async fn guard(
         return Problem::bad_request("the path is not UTF-8").into_response();
     };
     let map = segments.iter().find(|(name, _)| *name == MAP).map(|(_, map)| map.to_owned());
-    let credentials = Credentials::of_browser(request.headers());
+    let peer = request.extensions().get::<Peer>().cloned().unwrap_or_default();
+    let credentials = Credentials::of_browser(request.headers(), &peer);
     match gate.admit(need, map.as_deref(), credentials) {
         Ok(caller) => {
             if let Some(caller) = caller {

@@ -17,6 +17,7 @@ use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
 use std::any::Any;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -29,6 +30,8 @@ pub(crate) struct Context {
     /// Who may use which route.
     pub(crate) gate: Gate,
     pub(crate) config: HttpConfig,
+    /// How long a request's body may take.
+    pub(crate) body_limit: Duration,
     /// False while maps are rebuilt from their logs.
     pub(crate) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops; ends the streams of events.
@@ -37,7 +40,7 @@ pub(crate) struct Context {
 
 /// All routes, those of the dashboard included.
 pub(crate) fn router(context: Context) -> Router {
-    let Context { maps, gate, config, ready, stopping } = context;
+    let Context { maps, gate, config, body_limit, ready, stopping } = context;
     let cors = cors(&config.cors_origins);
     let shared = Arc::new(Shared {
         answers: AnswerCache::new(config.recent_answers, config.recent_answers_bytes),
@@ -46,6 +49,7 @@ pub(crate) fn router(context: Context) -> Router {
         maps,
         gate: gate.clone(),
         config,
+        body_limit,
         ready,
         stopping,
     });

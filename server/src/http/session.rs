@@ -9,6 +9,8 @@ use super::extract::Body;
 use super::guard::refused;
 use super::state::State;
 use crate::access::{COOKIE, Credentials};
+use crate::net::Peer;
+use axum::Extension;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 use lexsplat_proto::json::{self, Login};
@@ -21,9 +23,15 @@ use lexsplat_proto::json::{self, Login};
         (status = 401, description = "the token is not known", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
-pub(super) async fn log_in(state: State, Body(login): Body<Login>) -> Result<Response, Problem> {
-    match state.gate.identify(Credentials { token: Some(&login.token) }) {
-        Ok(_) => Ok(cookie(&login.token, "")),
+pub(super) async fn log_in(
+    state: State,
+    peer: Option<Extension<Peer>>,
+    Body(login): Body<Login>,
+) -> Result<Response, Problem> {
+    let is_encrypted = peer.is_some_and(|Extension(peer)| peer.is_encrypted);
+    let secure = if is_encrypted { "; Secure" } else { "" };
+    match state.gate.identify(Credentials { token: Some(&login.token), names: &[] }) {
+        Ok(_) => Ok(cookie(&login.token, secure)),
         Err(error) => Ok(refused(&error)),
     }
 }

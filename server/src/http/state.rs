@@ -17,6 +17,8 @@ pub(super) struct Shared {
     pub(super) maps: RecordedMaps,
     pub(super) gate: Gate,
     pub(super) config: HttpConfig,
+    /// How long a request's body may take.
+    pub(super) body_limit: Duration,
     /// False while maps are rebuilt from their logs.
     pub(super) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops.

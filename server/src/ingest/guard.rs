@@ -2,6 +2,7 @@
 
 use super::status;
 use crate::access::{AccessError, Caller, Credentials, Gate, rules};
+use crate::net::Peer;
 use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::Response;
@@ -14,7 +15,8 @@ pub(super) async fn guard(State(gate): State<Gate>, mut request: Request, next: 
         return Status::unimplemented(format!("there is no call {path}")).into_http();
     };
     // The maps of gRPC calls are named in their messages: their handlers check them.
-    match gate.admit(need, None, Credentials::of_headers(request.headers())) {
+    let peer = request.extensions().get::<Peer>().cloned().unwrap_or_default();
+    match gate.admit(need, None, Credentials::of_call(request.headers(), &peer)) {
         Ok(caller) => {
             if let Some(caller) = caller {
                 request.extensions_mut().insert(caller);

@@ -1,4 +1,4 @@
-//! The `lexsplat.v1.Mapping` service and its gRPC server.
+//! The `lexsplat.v1.Mapping` service, with health and reflection.
 
 use super::config::IngestConfig;
 use super::context::Context;
@@ -6,32 +6,23 @@ use super::guard::{caller, guard, permit};
 use super::{maps, query, status, stream};
 use crate::access::Gate;
 use crate::maps::RecordedMaps;
+use axum::Router;
+use axum::middleware::from_fn_with_state;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
 use std::sync::Arc;
-use std::time::Duration;
-use tokio::net::TcpListener;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tonic::codec::CompressionEncoding;
 use tonic::service::Routes;
-use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
-/// Open calls allowed on one connection.
-const MAX_CALLS_PER_CONNECTION: u32 = 64;
-/// HTTP/2 flow-control window of a stream, bytes: about one uncompressed frame.
-const STREAM_WINDOW_BYTES: u32 = 4 << 20;
-
-/// Why the gRPC server stopped.
+/// Why the gRPC interface does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
     /// The reflection service does not start.
     #[error("cannot load the descriptors of the gRPC messages")]
     Reflection(#[from] tonic_reflection::server::Error),
-    /// The transport failed.
-    #[error("the gRPC listener failed")]
-    Transport(#[from] tonic::transport::Error),
 }
 
 /// The `lexsplat.v1.Mapping` service.
@@ -50,13 +41,18 @@ impl MappingService {
         Self(Context { maps, config, limits, stopping }, gate)
     }
 
-    /// Serves until the token is cancelled and every call has ended.
+    /// The calls, with health and reflection.
     ///
     /// # Errors
     /// [`IngestError`].
-    pub(crate) async fn serve(self, listener: TcpListener) -> Result<(), IngestError> {
+    pub(crate) async fn router(self) -> Result<Router, IngestError> {
         let (health, health_service) = tonic_health::server::health_reporter();
         health.set_serving::<MappingServer<Self>>().await;
+        let stopping = self.0.stopping.clone();
+        tokio::spawn(async move {
+            stopping.cancelled().await;
+            health.set_not_serving::<MappingServer<Self>>().await;
+        });
         // Most clients still use v1alpha of the reflection service.
         let reflection = || {
             tonic_reflection::server::Builder::configure()
@@ -64,34 +60,17 @@ impl MappingService {
                 .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
         };
         let (reflection, v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
-        let config = self.0.config.clone();
-        let stopping = self.0.stopping.clone();
         let gate = self.1.clone();
+        let max_message_bytes = self.0.config.max_message_bytes;
         let mapping = MappingServer::new(self)
-            .max_decoding_message_size(config.max_message_bytes)
+            .max_decoding_message_size(max_message_bytes)
             .accept_compressed(CompressionEncoding::Gzip)
             .accept_compressed(CompressionEncoding::Zstd);
         let routes = Routes::new(health_service)
             .add_service(reflection)
             .add_service(v1alpha)
-            .add_service(mapping)
-            .into_axum_router()
-            .layer(axum::middleware::from_fn_with_state(gate, guard));
-        tonic::transport::Server::builder()
-            .http2_keepalive_interval(Some(Duration::from_secs(config.keepalive_seconds)))
-            .http2_keepalive_timeout(Some(Duration::from_secs(config.keepalive_timeout_seconds)))
-            .max_concurrent_streams(MAX_CALLS_PER_CONNECTION)
-            .initial_stream_window_size(STREAM_WINDOW_BYTES)
-            .add_routes(Routes::from(routes))
-            .serve_with_incoming_shutdown(
-                TcpIncoming::from(listener).with_nodelay(Some(true)),
-                async move {
-                    stopping.cancelled().await;
-                    health.set_not_serving::<MappingServer<Self>>().await;
-                },
-            )
-            .await?;
-        Ok(())
+            .add_service(mapping);
+        Ok(routes.into_axum_router().layer(from_fn_with_state(gate, guard)))
     }
 }
 

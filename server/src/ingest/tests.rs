@@ -3,6 +3,7 @@
 use super::{IngestConfig, MappingService};
 use crate::access::{AccessConfig, Gate};
 use crate::maps::{RecordedMaps, replay};
+use crate::net::{self, ConnectionsConfig, Port, Protocol};
 use crate::store::Store;
 use crate::test_support::{config, engine, frame, open_message};
 use lexsplat_proto::v1::mapping_client::MappingClient;
@@ -33,7 +34,14 @@ impl Server {
         let maps = RecordedMaps::new(engine(), store);
         let gate = Gate::new(AccessConfig::default()).unwrap();
         let service = MappingService::new(maps, gate, &config, stopping.clone());
-        let serving = tokio::spawn(async move { service.serve(listener).await.unwrap() });
+        let port = Port {
+            protocol: Protocol::Grpc,
+            listener,
+            router: service.router().await.unwrap(),
+            tls: None,
+            limits: ConnectionsConfig::default(),
+        };
+        let serving = tokio::spawn(net::serve(port, stopping.clone()));
         let client = MappingClient::connect(format!("http://{address}")).await.unwrap();
         Self { client, stopping, serving }
     }

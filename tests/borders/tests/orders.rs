@@ -50,7 +50,6 @@ pub const CRATES: &[Declared] = &[
         root: "lib.rs",
         levels: &[
             &["file_watch", "query_id", "telemetry", "web"],
-            &["access"],
             &[
                 "pipeline/bilinear",
                 "pipeline/exposure",
@@ -59,6 +58,8 @@ pub const CRATES: &[Declared] = &[
                 "pipeline/quantile",
                 "pipeline/range",
             ],
+            &["net"],
+            &["access"],
             &["pipeline/input_warning"],
             &["pipeline/frame"],
             &["pipeline/downsampled_frame"],

@@ -57,6 +57,7 @@ impl Server {
             maps: RecordedMaps::new(engine(), Store::default()),
             gate: Gate::new(AccessConfig::default()).unwrap(),
             config: HttpConfig { max_body_bytes: 16 << 10, ..HttpConfig::default() },
+            body_limit: PATIENCE,
             ready,
             stopping: stopping.clone(),
         });
