@@ -7,7 +7,8 @@
 use crate::access::AccessConfig;
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;
-use crate::net::{ConnectionsConfig, TlsConfig};
+use crate::net::ConnectionsConfig;
+pub use crate::net::TlsConfig;
 use crate::pipeline::closure::ClosureConfig;
 use crate::pipeline::compressor::CompressorConfig;
 use crate::pipeline::encoder::LanguageConfig;

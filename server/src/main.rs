@@ -197,13 +197,19 @@ async fn run(config: Config) -> anyhow::Result<()> {
             _ = interrupt.recv() => {}
         }
     };
+    // Before anything listens.
+    let mut addresses = Vec::new();
+    for (key, address) in
+        [("server.grpc", &config.server.grpc), ("server.http", &config.server.http)]
+    {
+        let found = tokio::net::lookup_host(address).await;
+        addresses.extend(found.with_context(|| format!("{key} is {address:?}: not an address"))?);
+    }
+    access::exposed(&config.access, &addresses)?;
     let listeners = Listeners {
         grpc: bind("server.grpc", &config.server.grpc).await?,
         http: bind("server.http", &config.server.http).await?,
     };
-    // Before the networks are loaded, so that a mistake shows at once.
-    let addresses = [listeners.grpc.local_addr()?, listeners.http.local_addr()?];
-    access::exposed(&config.access, &addresses)?;
     let pipeline = config.pipeline();
     let engine = tokio::task::spawn_blocking(move || Engine::start(pipeline))
         .await

@@ -36,6 +36,11 @@ impl Gate {
         Ok(Self(Arc::new(Known { config, watch, entries })))
     }
 
+    /// Whether callers are asked who they are.
+    pub(crate) fn asks(&self) -> bool {
+        self.0.config.asks()
+    }
+
     /// Reads the tokens file again whenever it changes, until `stopping` is cancelled. A file that
     /// cannot be read or has a malformed line changes nothing.
     pub(crate) async fn follow_file(self, stopping: CancellationToken) {

@@ -65,6 +65,11 @@ impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
+        if !is_json(request.headers()) {
+            let detail = "expected `content-type: application/json`";
+            let problem = Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail);
+            return Err(problem.at("content-type"));
+        }
         let limit = state.config.max_body_bytes;
         let body = axum::body::to_bytes(request.into_body(), limit);
         let body = tokio::time::timeout(state.body_limit, body).await.map_err(|_| {
@@ -77,6 +82,14 @@ impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
         })?;
         json(&body).map(Self)
     }
+}
+
+/// Whether the body is said to be JSON. A page of another origin cannot say so without being asked
+/// for its origin first.
+fn is_json(headers: &HeaderMap) -> bool {
+    let value = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    let kind = value.and_then(|value| value.split(';').next()).unwrap_or_default();
+    kind.trim().eq_ignore_ascii_case("application/json")
 }
 
 /// Parses JSON. The problem has the line, the column and the field.

@@ -6,6 +6,7 @@
 
 mod answer_cache;
 mod answers;
+mod browser;
 mod config;
 mod error;
 mod event_log;

@@ -1,6 +1,7 @@
 //! The routes.
 
 use super::answer_cache::AnswerCache;
+use super::browser::{Browsers, protect};
 use super::config::HttpConfig;
 use super::error::Problem;
 use super::event_log::EventLogs;
@@ -13,6 +14,7 @@ use crate::maps::RecordedMaps;
 use crate::web;
 use axum::Router;
 use axum::http::{HeaderValue, Method, header};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
 use std::any::Any;
@@ -42,6 +44,11 @@ pub(crate) struct Context {
 pub(crate) fn router(context: Context) -> Router {
     let Context { maps, gate, config, body_limit, ready, stopping } = context;
     let cors = cors(&config.cors_origins);
+    let browsers = Arc::new(Browsers {
+        hosts: config.hosts.clone(),
+        origins: config.cors_origins.clone(),
+        is_private: gate.asks(),
+    });
     let shared = Arc::new(Shared {
         answers: AnswerCache::new(config.recent_answers, config.recent_answers_bytes),
         event_logs: EventLogs::new(config.event_backlog),
@@ -73,8 +80,9 @@ pub(crate) fn router(context: Context) -> Router {
         .fallback(not_found)
         .with_state(shared)
         .merge(web::router())
-        .layer(axum::middleware::from_fn_with_state(gate, guard))
+        .layer(from_fn_with_state(gate, guard))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(from_fn_with_state(browsers, protect))
         .layer(TraceLayer::new_for_http());
     match cors {
         Some(cors) => router.layer(cors),

@@ -80,7 +80,8 @@ impl Server {
     }
 
     async fn post(&self, path: &str, body: impl Into<Body>) -> Reply {
-        self.send(Request::post(path).body(body.into()).unwrap()).await
+        let request = Request::post(path).header("content-type", "application/json");
+        self.send(request.body(body.into()).unwrap()).await
     }
 
     /// Checks that the answer is a problem with this status and field.
@@ -103,7 +104,8 @@ impl Server {
     }
 
     async fn problem_post(&self, path: &str, body: &Value, status: u16, field: &str) {
-        let request = Request::post(path).body(body.to_string().into()).unwrap();
+        let request = Request::post(path).header("content-type", "application/json");
+        let request = request.body(body.to_string().into()).unwrap();
         self.problem(request, status, field).await;
     }
 }

@@ -98,5 +98,5 @@ async fn the_server_describes_itself() {
     for file in ["style.css", "app.js", "plan.js", "view.js"] {
         assert!(files.contains(file), "{file} is used by the page");
     }
-    assert_eq!(files.len(), 10, "{files:?}");
+    assert_eq!(files.len(), 11, "{files:?}");
 }
