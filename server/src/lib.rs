@@ -121,10 +121,7 @@ pub async fn serve(
         ready: ready_state,
         stopping: stopping.clone(),
     });
-    tokio::spawn(gate.clone().follow_file(stopping.clone()));
-    if let Some(tls) = tls.clone() {
-        tokio::spawn(tls.follow_files(stopping.clone()));
-    }
+    follow_files(&gate, tls.as_ref(), &stopping);
     let limits = config.connections.clone();
     let port = |protocol, listener, router| {
         let port = Port { protocol, listener, router, tls: tls.clone(), limits: limits.clone() };
@@ -163,6 +160,14 @@ pub async fn serve(
 fn ready(engine: &Engine, [grpc, http]: [SocketAddr; 2]) -> Ready {
     let (adapter, bundle) = (engine.adapter().into(), engine.bundle().into());
     Ready { event: "ready", grpc, http, adapter, bundle }
+}
+
+/// Reads tokens and certificates again whenever their files change.
+fn follow_files(gate: &Gate, tls: Option<&Tls>, stopping: &CancellationToken) {
+    tokio::spawn(gate.clone().follow_file(stopping.clone()));
+    if let Some(tls) = tls {
+        tokio::spawn(tls.clone().follow_files(stopping.clone()));
+    }
 }
 
 /// Reads who may call, and refuses or warns where others could listen or call.
