@@ -11,6 +11,7 @@ by row) in each line, `results/frameNNNNNN.jpg` and `results/depthNNNNNN.png`.
 
 import argparse
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,11 +56,28 @@ class RgbdFrame:
     labels_png: bytes | None = None
 
 
-class Client:
-    """A connection to lexsplat's gRPC server."""
+class Bearer(grpc.StreamStreamClientInterceptor):
+    """Sends the token with each call."""
 
-    def __init__(self, address: str):
-        self.channel = grpc.insecure_channel(address)
+    def __init__(self, token: str):
+        self.header = ("authorization", f"Bearer {token}")
+
+    def intercept_stream_stream(self, continuation, details, messages):
+        metadata = [*(details.metadata or []), self.header]
+        return continuation(details._replace(metadata=metadata), messages)
+
+
+class Client:
+    """A connection to lexsplat's gRPC server: encrypted if `ca` is a PEM file of its authority."""
+
+    def __init__(self, address: str, token: str | None = None, ca: Path | None = None):
+        if ca is None:
+            self.channel = grpc.insecure_channel(address)
+        else:
+            credentials = grpc.ssl_channel_credentials(ca.read_bytes())
+            self.channel = grpc.secure_channel(address, credentials)
+        if token is not None:
+            self.channel = grpc.intercept_channel(self.channel, Bearer(token))
         pool = descriptor_pool.DescriptorPool(ProtoReflectionDescriptorDatabase(self.channel))
 
         def message(name: str):
@@ -169,6 +187,14 @@ def main():
         default="127.0.0.1:50051",
         help="address of the gRPC server (default: %(default)s)",
     )
+    parser.add_argument(
+        "--token",
+        default=os.environ.get("LEXSPLAT_TOKEN"),
+        help="token, if the server asks who is calling (default: LEXSPLAT_TOKEN)",
+    )
+    parser.add_argument(
+        "--ca", type=Path, help="certificate (PEM) of the server's authority: encrypts the stream"
+    )
     parser.add_argument("--map", default="kitchen", help="name of the map (default: %(default)s)")
     parser.add_argument("--frames", type=int, help="number of frames to send (default: all)")
     parser.add_argument(
@@ -176,7 +202,7 @@ def main():
     )
     arguments = parser.parse_args()
 
-    client = Client(arguments.server)
+    client = Client(arguments.server, arguments.token, arguments.ca)
     camera = read_camera(arguments.folder)
     label_texts = read_label_texts(arguments.folder) if arguments.labels else []
     frames = read_frames(arguments.folder, arguments.frames, arguments.labels)

@@ -7,9 +7,10 @@
 //! ```
 //!
 //! The server is at 127.0.0.1:50051 (gRPC) and 127.0.0.1:8080 (HTTP), or where `LEXSPLAT_GRPC` and
-//! `LEXSPLAT_HTTP` say. On a robot, take frames from the camera instead of [`Replica`]: color as
+//! `LEXSPLAT_HTTP` say; `LEXSPLAT_TOKEN` is the token, if it asks for one. On a robot, take frames from the camera instead of [`Replica`]: color as
 //! JPEG or PNG, depth as 16-bit PNG of the same pixels, and the pose `world_from_camera` in metres.
 
+use lexsplat_client::Access;
 use lexsplat_client::dataset::{Dataset, DatasetError, Replica};
 use lexsplat_client::http::{Answer, HttpClient, Question};
 use lexsplat_client::stream::{FrameStatus, FrameStream, MapSpec, Poses};
@@ -30,13 +31,19 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let http = address("LEXSPLAT_HTTP", "127.0.0.1:8080");
     let dataset = Replica::open(Path::new(&folder))?;
     let map = dataset.name().to_owned();
-    send(dataset, &map, &grpc).await?;
-    ask(&text, &map, &http).await?;
+    let access = Access { token: std::env::var("LEXSPLAT_TOKEN").ok(), ..Access::default() };
+    send(dataset, &map, &grpc, &access).await?;
+    ask(&text, &map, &http, &access).await?;
     Ok(())
 }
 
 /// Streams all frames, prints every acknowledgement and returns how many frames have a pose.
-pub async fn send(dataset: Replica, map: &str, grpc: &str) -> Result<usize, Box<dyn Error>> {
+pub async fn send(
+    dataset: Replica,
+    map: &str,
+    grpc: &str,
+    access: &Access,
+) -> Result<usize, Box<dyn Error>> {
     let spec = MapSpec {
         map: map.to_owned(),
         intrinsics: dataset.intrinsics(),
@@ -44,7 +51,7 @@ pub async fn send(dataset: Replica, map: &str, grpc: &str) -> Result<usize, Box<
         poses: Poses::Given,
         label_texts: Vec::new(),
     };
-    let FrameStream { frames, mut acks, .. } = FrameStream::open(grpc, spec, QUEUE).await?;
+    let FrameStream { frames, mut acks, .. } = FrameStream::open(grpc, access, spec, QUEUE).await?;
     // Frames are sent while acknowledgements come in; the stream ends when `frames` is dropped.
     let sending = tokio::spawn(async move {
         for index in 0..dataset.len() {
@@ -74,8 +81,13 @@ pub async fn send(dataset: Replica, map: &str, grpc: &str) -> Result<usize, Box<
 }
 
 /// Waits until the map is optimised, asks and prints the objects of the answer.
-pub async fn ask(text: &str, map: &str, http: &str) -> Result<Answer, Box<dyn Error>> {
-    let client = HttpClient::new(http)?;
+pub async fn ask(
+    text: &str,
+    map: &str,
+    http: &str,
+    access: &Access,
+) -> Result<Answer, Box<dyn Error>> {
+    let client = HttpClient::with_access(http, access)?;
     client.settled(map, |_| ()).await?;
     let answer = client.query(map, &Question::in_space(text)).await?;
     println!("{text}: present {}, confidence {:.2}", answer.present, answer.confidence);

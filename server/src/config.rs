@@ -4,8 +4,11 @@
 //! (`LEXSPLAT__SECTION__KEY`), the command line. An unknown key is an error that names its source
 //! and the most similar known key.
 
+use crate::access::AccessConfig;
 use crate::http::HttpConfig;
 use crate::ingest::IngestConfig;
+use crate::net::ConnectionsConfig;
+pub use crate::net::TlsConfig;
 use crate::pipeline::closure::ClosureConfig;
 use crate::pipeline::compressor::CompressorConfig;
 use crate::pipeline::encoder::LanguageConfig;
@@ -34,6 +37,10 @@ const ENVIRONMENT_SEPARATOR: &str = "__";
 pub struct Config {
     /// Addresses and the data directory.
     pub server: ServerConfig,
+    /// Who may call.
+    pub access: AccessConfig,
+    /// Limits on connections.
+    pub connections: ConnectionsConfig,
     /// Limits of the gRPC interface.
     pub ingest: IngestConfig,
     /// Choice of the GPU adapter.
@@ -69,6 +76,9 @@ pub struct ServerConfig {
     pub data_dir: Option<PathBuf>,
     /// How long open calls may take to finish when the server stops, seconds.
     pub shutdown_seconds: u64,
+    /// Certificates for both ports; absent: connections are not encrypted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tls: Option<TlsConfig>,
 }
 
 impl Default for ServerConfig {
@@ -78,6 +88,7 @@ impl Default for ServerConfig {
             http: "127.0.0.1:8080".into(),
             data_dir: None,
             shutdown_seconds: 30,
+            tls: None,
         }
     }
 }
@@ -150,6 +161,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError::OutOfRange`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.connections.check()?;
         self.ingest.check()?;
         self.http.check()?;
         self.language.check()?;
@@ -306,7 +318,8 @@ mod tests {
     #[test]
     fn every_section_is_checked() {
         type Change = fn(&mut Config);
-        let refused: [(&str, Change); 8] = [
+        let refused: [(&str, Change); 9] = [
+            ("connections.max", |c| c.connections.max = 0),
             ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
             ("http.event_backlog", |c| c.http.event_backlog = 0),
             ("language.queue", |c| c.language.queue = 0),

@@ -4,12 +4,15 @@
 //! [`serve`] runs the server. Its listeners are already bound and it stops when a future resolves,
 //! so tests can use free ports and stop it at any time.
 
+pub mod access;
 mod check;
 pub mod config;
 mod export;
+mod file_watch;
 mod http;
 mod ingest;
 mod maps;
+mod net;
 pub mod pipeline;
 mod query_id;
 mod store;
@@ -20,8 +23,10 @@ mod web;
 
 pub use config::Config;
 
+use access::{AccessConfig, EntriesError, Exposed, Gate};
 use ingest::{IngestError, MappingService};
 use maps::RecordedMaps;
+use net::{Port, Protocol, Tls, TlsError};
 use pipeline::engine::{Engine, StartError};
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -49,10 +54,19 @@ pub enum RunError {
     /// The data directory cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A listener failed.
+    /// The callers cannot be read.
+    #[error(transparent)]
+    Access(#[from] EntriesError),
+    /// The server would be open to other machines.
+    #[error(transparent)]
+    Exposed(#[from] Exposed),
+    /// The certificates cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// A listener has no address.
     #[error("a listener failed")]
     Listener(#[from] std::io::Error),
-    /// The gRPC server failed.
+    /// The gRPC interface does not start.
     #[error(transparent)]
     Ingest(#[from] IngestError),
     /// A part of the server panicked.
@@ -90,43 +104,43 @@ pub async fn serve(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), RunError> {
     telemetry::recorder();
+    let addresses = [listeners.grpc.local_addr()?, listeners.http.local_addr()?];
+    let tls = config.server.tls.clone().map(Tls::new).transpose()?;
+    let gate = gate(&config.access, &addresses, tls.is_some())?;
+    net::raise_limit(config.connections.max);
     let store = Store::open(config.server.data_dir.as_deref())?;
     let maps = RecordedMaps::new(engine.clone(), store);
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
-    let ready = Ready {
-        event: "ready",
-        grpc: listeners.grpc.local_addr()?,
-        http: listeners.http.local_addr()?,
-        adapter: engine.adapter().into(),
-        bundle: engine.bundle().into(),
-    };
     let (is_ready, ready_state) = watch::channel(false);
     let router = http::router(http::Context {
         maps: maps.clone(),
+        gate: gate.clone(),
         config: config.http.clone(),
+        body_limit: Duration::from_secs(config.connections.body_seconds),
         ready: ready_state,
         stopping: stopping.clone(),
     });
-    let http_stop = stopping.clone().cancelled_owned();
+    follow_files(&gate, tls.as_ref(), &stopping);
+    let limits = config.connections.clone();
+    let port = |protocol, listener, router| {
+        let port = Port { protocol, listener, router, tls: tls.clone(), limits: limits.clone() };
+        net::serve(port, stopping.clone())
+    };
     let mut parts = JoinSet::new();
-    parts.spawn(async move {
-        let service = router.into_make_service_with_connect_info::<SocketAddr>();
-        let served = axum::serve(listeners.http, service).with_graceful_shutdown(http_stop).await;
-        served.map_err(RunError::from)
-    });
+    parts.spawn(port(Protocol::Http, listeners.http, router));
     tokio::pin!(shutdown);
-    let limits = config.ingest.limits();
+    let limits_of_frames = config.ingest.limits();
     let rebuilt = tokio::select! {
-        rebuilt = maps::replay(&maps, &limits) => rebuilt.map(|()| true)?,
+        rebuilt = maps::replay(&maps, &limits_of_frames) => rebuilt.map(|()| true)?,
         () = &mut shutdown => false,
     };
     let mut first = None;
     if rebuilt {
-        let service = MappingService::new(maps, &config.ingest, stopping.clone());
-        parts.spawn(async move { service.serve(listeners.grpc).await.map_err(RunError::from) });
+        let service = MappingService::new(maps, gate, &config.ingest, stopping.clone());
+        parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
         is_ready.send_replace(true);
-        on_ready(&ready);
+        on_ready(&ready(&engine, addresses));
         tokio::select! {
             () = &mut shutdown => {}
             ended = parts.join_next() => first = ended,
@@ -143,16 +157,47 @@ pub async fn serve(
     })
 }
 
-type Ended = Result<Result<(), RunError>, JoinError>;
+fn ready(engine: &Engine, [grpc, http]: [SocketAddr; 2]) -> Ready {
+    let (adapter, bundle) = (engine.adapter().into(), engine.bundle().into());
+    Ready { event: "ready", grpc, http, adapter, bundle }
+}
+
+/// Reads tokens and certificates again whenever their files change.
+fn follow_files(gate: &Gate, tls: Option<&Tls>, stopping: &CancellationToken) {
+    tokio::spawn(gate.clone().follow_file(stopping.clone()));
+    if let Some(tls) = tls {
+        tokio::spawn(tls.clone().follow_files(stopping.clone()));
+    }
+}
+
+/// Reads who may call, and refuses or warns where others could listen or call.
+fn gate(
+    config: &AccessConfig,
+    addresses: &[SocketAddr],
+    is_encrypted: bool,
+) -> Result<Gate, RunError> {
+    if let Some(address) = access::exposed(config, addresses)? {
+        tracing::warn!(
+            %address,
+            "nobody is asked who they are: everybody who can connect may read, write and delete all maps"
+        );
+    }
+    if config.asks() && !is_encrypted && !addresses.iter().all(access::is_own_machine) {
+        tracing::warn!(
+            "tokens, frames and answers travel in plain text: set [server.tls], or put a proxy that speaks \
+             TLS in front"
+        );
+    }
+    Ok(Gate::new(config.clone())?)
+}
+
+type Ended = Result<(), JoinError>;
 
 /// Waits for all parts of the server; returns the first failure.
-async fn all_ended(
-    first: Option<Ended>,
-    mut parts: JoinSet<Result<(), RunError>>,
-) -> Result<(), RunError> {
+async fn all_ended(first: Option<Ended>, mut parts: JoinSet<()>) -> Result<(), RunError> {
     let mut ended: Vec<Ended> = first.into_iter().collect();
     while let Some(next) = parts.join_next().await {
         ended.push(next);
     }
-    ended.into_iter().try_for_each(|part| part.map_err(|_| RunError::Panicked("a listener"))?)
+    ended.into_iter().try_for_each(|part| part.map_err(|_| RunError::Panicked("a listener")))
 }

@@ -1,8 +1,9 @@
 //! The `lexsplat-server` binary: reads the settings and runs [`lexsplat_server`].
 
 use anyhow::Context as _;
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use lexsplat_gpu::{AdapterReport, Gpu, Tier};
+use lexsplat_server::access::{self, Scope};
 use lexsplat_server::pipeline::engine::Engine;
 use lexsplat_server::{Config, Listeners, Ready, serve, telemetry};
 use std::io::Write as _;
@@ -14,10 +15,12 @@ use tokio::signal::unix::{SignalKind, signal};
 
 /// Builds maps from the RGB-D frames of robots and answers questions about them.
 ///
-/// Example: lexsplat-server --data-dir maps --http 0.0.0.0:8080
+/// Example: lexsplat-server --data-dir maps --tokens tokens --http 0.0.0.0:8080
 #[derive(Parser)]
-#[command(name = "lexsplat-server", version)]
+#[command(name = "lexsplat-server", version, args_conflicts_with_subcommands = true)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Settings file (TOML); environment variables LEXSPLAT__SECTION__KEY override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -36,12 +39,41 @@ struct Arguments {
     /// Use the GPU adapter with this in its name
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
+    /// File of the callers and the hashes of their tokens, written by `lexsplat-server token`
+    #[arg(long, value_name = "FILE")]
+    tokens: Option<PathBuf>,
+    /// Listen on addresses that other machines can reach although nobody is asked who they are
+    #[arg(long)]
+    insecure_no_auth: bool,
     /// Print the settings as TOML and exit
     #[arg(long)]
     print_config: bool,
     /// Print the GPU adapters of this machine and how the server would use them, and exit
     #[arg(long)]
     adapters: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Token(NewToken),
+}
+
+/// Make a token for a caller and print it. Only its hash is kept
+#[derive(clap::Args)]
+struct NewToken {
+    /// Name of the caller, as it appears in logs
+    #[arg(long)]
+    name: String,
+    /// What they may do, separated by commas: read (list, ask, render, export, watch), write (create maps,
+    /// send frames), admin (delete maps)
+    #[arg(long, value_name = "SCOPES", value_delimiter = ',', required = true)]
+    scope: Vec<Scope>,
+    /// The maps that they may use: names with one * at most, separated by commas
+    #[arg(long, value_name = "PATTERNS", default_value = "*")]
+    maps: String,
+    /// Add the caller's line to this file, and make it if it is missing
+    #[arg(long, value_name = "FILE")]
+    tokens: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -58,6 +90,9 @@ fn main() -> ExitCode {
 }
 
 fn start(arguments: Arguments) -> anyhow::Result<()> {
+    if let Some(Command::Token(new)) = &arguments.command {
+        return make_token(new);
+    }
     if arguments.adapters {
         return print_adapters();
     }
@@ -73,6 +108,20 @@ fn start(arguments: Arguments) -> anyhow::Result<()> {
         .build()
         .context("cannot start the runtime")?;
     runtime.block_on(run(config))
+}
+
+/// Prints the token on standard output and everything else on standard error.
+fn make_token(new: &NewToken) -> anyhow::Result<()> {
+    let NewToken { name, scope, maps, tokens } = new;
+    let (token, line) = access::issue(name, scope, maps, tokens.as_deref())?;
+    match tokens {
+        Some(file) => {
+            eprintln!("its hash was added to {}; the token, shown this once:", file.display())
+        }
+        None => eprintln!("the line for the tokens file:\n{line}\nthe token, shown this once:"),
+    }
+    writeln!(std::io::stdout(), "{token}")?;
+    Ok(())
 }
 
 /// Prints a table of the adapters, best first.
@@ -125,7 +174,10 @@ fn adapter_row(report: &AdapterReport) -> [String; 8] {
 /// Settings from the file, the environment and the command line; later ones override.
 fn settings(arguments: Arguments) -> anyhow::Result<Config> {
     let mut config = Config::load(arguments.config.as_deref())?;
-    let Arguments { data_dir, grpc, http, models, adapter, .. } = arguments;
+    let Arguments { data_dir, grpc, http, models, adapter, tokens, insecure_no_auth, .. } =
+        arguments;
+    config.access.tokens = tokens.or(config.access.tokens);
+    config.access.insecure_no_auth |= insecure_no_auth;
     config.server.data_dir = data_dir.or(config.server.data_dir);
     config.server.grpc = grpc.unwrap_or(config.server.grpc);
     config.server.http = http.unwrap_or(config.server.http);
@@ -145,6 +197,15 @@ async fn run(config: Config) -> anyhow::Result<()> {
             _ = interrupt.recv() => {}
         }
     };
+    // Before anything listens.
+    let mut addresses = Vec::new();
+    for (key, address) in
+        [("server.grpc", &config.server.grpc), ("server.http", &config.server.http)]
+    {
+        let found = tokio::net::lookup_host(address).await;
+        addresses.extend(found.with_context(|| format!("{key} is {address:?}: not an address"))?);
+    }
+    access::exposed(&config.access, &addresses)?;
     let listeners = Listeners {
         grpc: bind("server.grpc", &config.server.grpc).await?,
         http: bind("server.http", &config.server.http).await?,

@@ -41,6 +41,13 @@ pub(crate) const CLOSED_LOOPS: &str = "lexsplat_closed_loops_total";
 pub(crate) const CLOSURE_SECONDS: &str = "lexsplat_closure_seconds";
 /// Counter: calls that were ended because of an unfinished message, by `reason` ("bytes" or "time").
 pub(crate) const UNFINISHED_ENDED: &str = "lexsplat_unfinished_ended_total";
+/// Counter: calls that were refused, by `reason` ("unknown" or "forbidden").
+pub(crate) const CALLS_REFUSED: &str = "lexsplat_calls_refused_total";
+/// Gauge: open connections, by `port` ("grpc" or "http").
+pub(crate) const CONNECTIONS: &str = "lexsplat_connections";
+/// Counter: connections that did not end well, by `port` and `reason`: "too_many" (of
+/// `connections.max`), "timed_out", "handshake" (no TLS), "broken".
+pub(crate) const CONNECTIONS_ENDED: &str = "lexsplat_connections_ended_total";
 /// Gauge: open streams.
 pub(crate) const STREAMS: &str = "lexsplat_streams";
 
@@ -160,6 +167,9 @@ fn describe() {
     metrics::describe_histogram!(CLOSURE_SECONDS, "Seconds to look for a loop and to close it");
     metrics::describe_counter!(CLOSED_LOOPS, "Loops that were closed and moved the map");
     metrics::describe_counter!(REFUSED, "Frames that did not pass the checks");
+    metrics::describe_counter!(CALLS_REFUSED, "Calls whose caller is unknown or may not make them");
+    metrics::describe_gauge!(CONNECTIONS, "Open connections");
+    metrics::describe_counter!(CONNECTIONS_ENDED, "Connections that did not end well");
     metrics::describe_gauge!(STREAMS, "Open streams");
 }
 

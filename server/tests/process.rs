@@ -44,6 +44,52 @@ fn is_ready_and_stops_when_told_to() {
 }
 
 #[test]
+fn refuses_to_be_open_to_other_machines_without_tokens() {
+    for port in ["--grpc", "--http"] {
+        // The later option holds. Nothing listens: the address is refused first.
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"));
+        let other = if port == "--grpc" { "--http" } else { "--grpc" };
+        command.current_dir(root()).args([port, "0.0.0.0:0", other, "127.0.0.1:0"]);
+        let said = error_message(&command.output().expect("it runs"));
+        for expected in ["0.0.0.0:0", "lexsplat-server token", "--tokens", "--insecure-no-auth"] {
+            assert!(said.contains(expected), "{port}: no {expected:?} in: {said}");
+        }
+    }
+    // Negative control: another mistake is told as what it is.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"));
+    command.current_dir(root()).args(["--grpc", "0.0.0.0:no-port", "--http", "127.0.0.1:0"]);
+    let said = error_message(&command.output().expect("it runs"));
+    assert!(said.contains("server.grpc") && !said.contains("--insecure-no-auth"), "{said}");
+}
+
+#[test]
+fn a_token_is_printed_once_and_its_hash_is_kept() {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let file = folder.path().join("tokens");
+    let make = |name: &str, scope: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"));
+        command.args(["token", "--name", name, "--scope", scope, "--maps", "kitchen*", "--tokens"]);
+        command.arg(&file).output().expect("it runs")
+    };
+    let made = make("robot-7", "read,write");
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let token = String::from_utf8(made.stdout).expect("text");
+    let token = token.trim();
+    assert!(token.starts_with("lexsplat_") && !token.contains(char::is_whitespace), "{token}");
+    let kept = fs::read_to_string(&file).expect("it was written");
+    assert!(kept.starts_with("robot-7 read,write kitchen* sha256:"), "{kept}");
+    assert!(!kept.contains(token));
+    for (name, scope, expected) in
+        [("robot-7", "read", "another name"), ("robot-8", "rule", "read, write or admin")]
+    {
+        let refused = make(name, scope);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(!refused.status.success() && said.contains(expected), "{said}");
+    }
+    assert_eq!(fs::read_to_string(&file).expect("it is there"), kept);
+}
+
+#[test]
 fn refuses_an_unknown_key() {
     let folder = tempfile::tempdir().expect("a folder can be made");
     let file = folder.path().join("wrong.toml");

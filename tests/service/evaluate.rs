@@ -1,5 +1,6 @@
 //! An evaluation from end to end: a synthetic room is streamed, mapped, rendered, asked and scored.
 
+use lexsplat_client::Access;
 use lexsplat_client::dataset::FrameRange;
 use lexsplat_client::stream::{Encoder, Poses};
 use lexsplat_evaluate::{EvaluateError, Options, Report, Step, Target, evaluate, markdown, plot};
@@ -21,7 +22,7 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     let range = FrameRange { end: Some(FRAMES), ..FrameRange::default() };
     let open = || Arc::from(range.of(Box::new(SyntheticDataset::new(8))).expect("it is made"));
     let (grpc, http) = (server.grpc.clone(), server.http.clone());
-    let target = Target { grpc, http, map: "measured".into() };
+    let target = Target { grpc, http, access: Access::default(), map: "measured".into() };
     let mut steps = [false; 6];
     let on_step = |step: Step<'_>| {
         let at = match step {

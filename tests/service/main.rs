@@ -1,11 +1,14 @@
 //! A server with everything in it, and its clients.
 
+mod access;
 mod attacks;
 mod backpressure;
 mod bad_input;
+mod browser;
 mod budget;
 mod bundles;
 mod clock;
+mod connections;
 mod end_to_end;
 mod evaluate;
 mod examples;
@@ -17,5 +20,6 @@ mod load;
 mod memory;
 mod outside;
 mod shutdown;
+mod tls;
 mod tracking;
 mod wide_steps;

@@ -4,6 +4,7 @@
 //!
 //! The rooms lie beside the project in `../shared/data`. Without them the tests say so and pass.
 
+use lexsplat_client::Access;
 use lexsplat_client::dataset::{Dataset, FrameRange, Replica};
 use lexsplat_client::stream::{FrameStream, MapSpec, Poses};
 use lexsplat_gpu::align::se3::adjoint;
@@ -130,7 +131,9 @@ async fn walk(dataset: Box<dyn Dataset>, config: Config) -> Walk {
         label_texts: Vec::new(),
     };
     let FrameStream { frames, mut acks, .. } =
-        FrameStream::open(&server.grpc, spec, 4).await.expect("the stream opens");
+        FrameStream::open(&server.grpc, &Access::default(), spec, 4)
+            .await
+            .expect("the stream opens");
     let sent = dataset.clone();
     let sending = tokio::spawn(async move {
         for index in 0..sent.len() {

@@ -1,12 +1,14 @@
 //! What the integration tests share: a server in this process with real listeners, a robot in a
 //! synthetic room, and what is true of that room; and bundles of networks that are made on the spot.
 
+mod authority;
 pub mod bundle;
 pub mod onnx;
 mod process;
 mod robot;
 mod server;
 
+pub use authority::{Authority, Certified};
 pub use process::ServerProcess;
 pub use robot::{Robot, raw};
 pub use server::{Server, first_error, tiny_config};

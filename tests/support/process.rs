@@ -27,7 +27,18 @@ fn program() -> PathBuf {
 impl ServerProcess {
     /// Starts with `configs/tiny.toml` and these settings (`LEXSPLAT__SECTION__KEY`), waits until it is ready.
     pub fn start(settings: &[(&str, &str)]) -> Self {
-        let mut child = Command::new(program())
+        Self::run(Command::new(program()), settings)
+    }
+
+    /// The same with at most this many open files, as `ulimit -Sn` sets it.
+    pub fn with_files(files: u32, settings: &[(&str, &str)]) -> Self {
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("ulimit -Sn {files} && exec \"$0\" \"$@\"")]).arg(program());
+        Self::run(command, settings)
+    }
+
+    fn run(mut command: Command, settings: &[(&str, &str)]) -> Self {
+        let mut child = command
             .current_dir(root())
             .args(["--config", "configs/tiny.toml"])
             .args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"])

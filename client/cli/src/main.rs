@@ -1,5 +1,6 @@
 //! The command line `lexsplat`. Exit codes: 0 done, 1 failed, 2 wrong usage.
 
+mod access;
 mod answer;
 mod bench;
 mod choices;

@@ -1,6 +1,7 @@
 //! What is to be evaluated, and on which server.
 
 use crate::lpips::Lpips;
+use lexsplat_client::Access;
 use lexsplat_client::stream::{Encoder, Poses};
 use std::num::NonZeroUsize;
 
@@ -11,6 +12,8 @@ pub struct Target {
     pub grpc: String,
     /// The server's HTTP address, `HOST:PORT`.
     pub http: String,
+    /// Token and certificates.
+    pub access: Access,
     /// Name of the map.
     pub map: String,
 }

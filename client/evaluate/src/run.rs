@@ -42,7 +42,7 @@ pub async fn evaluate(
     mut options: Options,
     mut on_step: impl FnMut(Step<'_>),
 ) -> Result<Evaluation, EvaluateError> {
-    let client = HttpClient::new(&target.http)?;
+    let client = HttpClient::with_access(&target.http, &target.access)?;
     refuse_old_map(&client, &target.map).await?;
     let health = client.health().await?;
     let recorded = Arc::new(Recorded::new(dataset));
@@ -109,6 +109,7 @@ async fn make_map(
     let before = client.metrics().await?;
     let streaming = StreamOptions {
         grpc: target.grpc.clone(),
+        access: target.access.clone(),
         map: target.map.clone(),
         poses: options.poses,
         encoder: options.encoder,

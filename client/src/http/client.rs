@@ -1,11 +1,13 @@
 //! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
 
 use super::error::HttpError;
+use crate::access::{Access, AccessError, Identity, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
     Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, PointsLink, Problem, Question,
     Segmentation, Status,
 };
+use reqwest::header::{HeaderMap, HeaderValue};
 use reqwest::{RequestBuilder, Response, Url, header};
 use serde::de::DeserializeOwned;
 
@@ -17,17 +19,28 @@ pub struct HttpClient {
 }
 
 impl HttpClient {
-    /// The server at `HOST:PORT` or `http://HOST:PORT`; connects when first asked.
+    /// The server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`; connects when first
+    /// asked.
     ///
     /// # Errors
     /// [`HttpError::Address`].
     pub fn new(address: &str) -> Result<Self, HttpError> {
+        Self::with_access(address, &Access::default())
+    }
+
+    /// The same, with a token or certificates.
+    ///
+    /// # Errors
+    /// [`HttpError::Address`], [`HttpError::Access`].
+    pub fn with_access(address: &str, access: &Access) -> Result<Self, HttpError> {
         let wrong = || HttpError::Address { found: address.into() };
-        let bare = address.strip_prefix("http://").unwrap_or(address);
-        let base = Url::parse(&format!("http://{bare}")).map_err(|_| wrong())?;
-        // The server is in the local network, which a proxy does not reach.
-        let client = reqwest::Client::builder().no_proxy().build().map_err(|_| wrong())?;
-        Ok(Self { base, client })
+        let url =
+            if address.contains("://") { address.into() } else { format!("http://{address}") };
+        let base = Url::parse(&url).map_err(|_| wrong())?;
+        if !["http", "https"].contains(&base.scheme()) || !base.has_host() {
+            return Err(wrong());
+        }
+        Ok(Self { base, client: client(access)? })
     }
 
     /// `HOST:PORT`.
@@ -238,10 +251,14 @@ impl HttpClient {
     }
 
     fn lost(&self, error: &reqwest::Error) -> HttpError {
-        if error.is_connect() {
-            return HttpError::NoServer { address: self.address() };
+        let (address, reason) = (self.address(), innermost(error));
+        match self.base.scheme() {
+            _ if !error.is_connect() => self.broken(reason.to_string()),
+            "https" if !is_refused(reason) => {
+                HttpError::Tls { address, reason: reason.to_string() }
+            }
+            _ => HttpError::NoServer { address },
         }
-        self.broken(innermost(error))
     }
 
     fn broken(&self, reason: String) -> HttpError {
@@ -257,12 +274,32 @@ fn detail(body: &[u8], status: &str) -> String {
     }
 }
 
-fn innermost(error: &dyn std::error::Error) -> String {
-    let mut cause = error;
-    while let Some(deeper) = cause.source() {
-        cause = deeper;
+/// A client that sends the token with each request. It follows no redirection, so that the token goes
+/// nowhere else, and takes no proxy: the server is in the local network.
+fn client(access: &Access) -> Result<reqwest::Client, HttpError> {
+    let mut builder =
+        reqwest::Client::builder().no_proxy().redirect(reqwest::redirect::Policy::none());
+    if let Some(bearer) = access.bearer()? {
+        let mut value = HeaderValue::try_from(bearer).map_err(|_| AccessError::Token)?;
+        value.set_sensitive(true);
+        builder = builder.default_headers(HeaderMap::from_iter([(header::AUTHORIZATION, value)]));
     }
-    cause.to_string()
+    let wrong = |error: reqwest::Error| AccessError::Certificates(innermost(&error).to_string());
+    if let Some(authorities) = &access.authorities {
+        builder = builder.tls_built_in_root_certs(false);
+        let certificates = reqwest::Certificate::from_pem_bundle(authorities).map_err(wrong)?;
+        if certificates.is_empty() {
+            return Err(AccessError::Certificates("there is no PEM certificate".into()).into());
+        }
+        for certificate in certificates {
+            builder = builder.add_root_certificate(certificate);
+        }
+    }
+    if let Some(Identity { certificate, key }) = &access.identity {
+        let both = [key.as_slice(), b"\n", certificate].concat();
+        builder = builder.identity(reqwest::Identity::from_pem(&both).map_err(wrong)?);
+    }
+    Ok(builder.build().map_err(wrong)?)
 }
 
 #[cfg(test)]
@@ -277,8 +314,12 @@ mod tests {
             let url = client.url("a/b c", &["frames"]);
             assert_eq!(url.as_str(), "http://127.0.0.1:8080/v1/maps/a%2Fb%20c/frames");
         }
-        let error = HttpClient::new("127.0.0.1:http").unwrap_err();
-        assert!(error.to_string().contains("127.0.0.1:http"), "{error}");
+        let client = HttpClient::new("https://127.0.0.1:8080").unwrap();
+        assert_eq!(client.url("a", &[]).as_str(), "https://127.0.0.1:8080/v1/maps/a");
+        for wrong in ["127.0.0.1:http", "ftp://127.0.0.1:8080", "https://"] {
+            let error = HttpClient::new(wrong).unwrap_err();
+            assert!(error.to_string().contains(wrong), "{error}");
+        }
     }
 
     #[test]
@@ -286,6 +327,17 @@ mod tests {
         let body = br#"{"title":"Bad Request","status":400,"detail":"no map\n\"x\""}"#;
         assert_eq!(detail(body, "400"), "no map \"x\"");
         assert!(detail(b"<html>", "502").contains("502"));
+    }
+
+    #[test]
+    fn certificates_that_cannot_be_used_are_refused() {
+        for wrong in ["", "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n"] {
+            let access = Access { authorities: Some(wrong.into()), ..Access::default() };
+            let error = HttpClient::with_access("https://127.0.0.1:1", &access).unwrap_err();
+            assert!(matches!(error, HttpError::Access(AccessError::Certificates(_))), "{error}");
+        }
+        let error = HttpClient::with_access("127.0.0.1:1", &Access::with_token("a b"));
+        assert!(matches!(error, Err(HttpError::Access(AccessError::Token))));
     }
 
     #[tokio::test]

@@ -1,13 +1,30 @@
 //! Errors of the HTTP interface; each message is one line.
 
+use crate::access::AccessError;
+
 /// A request that got no usable answer.
 #[derive(Debug, thiserror::Error)]
 pub enum HttpError {
     /// The address cannot be parsed.
-    #[error("http address: expected HOST:PORT, found {found:?}")]
+    #[error(
+        "http address: expected HOST:PORT, http://HOST:PORT or https://HOST:PORT, found {found:?}"
+    )]
     Address {
         /// The text that was given.
         found: String,
+    },
+    /// The token or the certificates cannot be used.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// Something listens there, but no encrypted connection came about.
+    #[error(
+        "no encrypted connection to {address}: {reason}. A server speaks TLS if it has [server.tls]; --ca names its authority"
+    )]
+    Tls {
+        /// The address, `HOST:PORT`.
+        address: String,
+        /// What is wrong with the certificate or the connection.
+        reason: String,
     },
     /// Nothing listens at the address.
     #[error("no server at {address}: start lexsplat-server, or name another one with --http")]

@@ -4,19 +4,16 @@
 //! [`FrameSender`]; the server acknowledges each one through [`Acks`]. The stream ends when every
 //! sender is dropped and the last frame is acknowledged.
 
+use super::connect::connect;
 use super::error::ClientError;
 use super::options::{Encoder, Poses, StreamOptions};
+use crate::access::Access;
 use crate::dataset::{Dataset, Instance, Intrinsics, RgbdFrame};
-use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
 use nalgebra::Isometry3;
-use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Streaming;
-use tonic::transport::{Channel, Endpoint};
-
-const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
 /// The map that a stream creates or resumes.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,14 +59,19 @@ pub struct FrameStream {
 }
 
 impl FrameStream {
-    /// Connects to the server at `HOST:PORT` and opens the map; at most `queue` frames wait to be
-    /// sent.
+    /// Connects to the server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT` and opens the
+    /// map; at most `queue` frames wait to be sent.
     ///
     /// # Errors
     /// [`ClientError`] if the address is wrong, nothing listens there or the server refuses the map.
-    pub async fn open(grpc: &str, spec: MapSpec, queue: usize) -> Result<Self, ClientError> {
+    pub async fn open(
+        grpc: &str,
+        access: &Access,
+        spec: MapSpec,
+        queue: usize,
+    ) -> Result<Self, ClientError> {
         let (sender, outbound) = mpsc::channel(queue);
-        let mut client = connect(grpc).await?;
+        let mut client = connect(grpc, access).await?;
         let open = FrameMessage { message: Some(Message::Open(wire_spec(spec))) };
         sender.try_send(open).expect("the queue is new and holds a message");
         let failed = |status| ClientError::of_status(status, grpc);
@@ -121,20 +123,6 @@ impl Acks {
         let failed = |status| ClientError::of_status(status, &self.address);
         self.acks.message().await.map_err(failed)
     }
-}
-
-/// A client of the server at `HOST:PORT`.
-async fn connect(address: &str) -> Result<MappingClient<Channel>, ClientError> {
-    let bad = || ClientError::Address { found: address.into() };
-    let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
-    port.parse::<u16>().map_err(|_| bad())?;
-    if address.to_ascii_lowercase().starts_with("https://") {
-        return Err(ClientError::Tls { address: address.into() });
-    }
-    let uri = if address.contains("://") { address.into() } else { format!("http://{address}") };
-    let endpoint = Endpoint::from_shared(uri).map_err(|_| bad())?.connect_timeout(CONNECT_WITHIN);
-    let channel = endpoint.connect().await;
-    Ok(MappingClient::new(channel.map_err(|_| ClientError::NoServer { address: address.into() })?))
 }
 
 fn wire_spec(spec: MapSpec) -> v1::OpenMap {

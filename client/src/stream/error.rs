@@ -1,5 +1,6 @@
 //! Errors of streams; each message says what to do.
 
+use crate::access::AccessError;
 use crate::dataset::DatasetError;
 use std::error::Error as _;
 use tonic::{Code, Status};
@@ -8,19 +9,23 @@ use tonic::{Code, Status};
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
     /// The address cannot be parsed.
-    #[error("grpc: expected HOST:PORT, such as 127.0.0.1:50051, found {found:?}")]
+    #[error("grpc: expected HOST:PORT, http://HOST:PORT or https://HOST:PORT, found {found:?}")]
     Address {
         /// The text that was given.
         found: String,
     },
-    /// The address asks for encryption, which streams do not have.
+    /// The token or the certificates cannot be used.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// Something listens there, but no encrypted connection came about.
     #[error(
-        "{address}: streams are not encrypted (no TLS); use a proxy or a VPN, or write HOST:PORT to send plain \
-         text"
+        "no encrypted connection to {address}: {reason}. A server speaks TLS if it has [server.tls]; --ca names its authority"
     )]
     Tls {
         /// The address.
         address: String,
+        /// What is wrong with the certificate or the connection.
+        reason: String,
     },
     /// Nothing listens at the address.
     #[error("no server at {address}: start lexsplat-server")]

@@ -3,6 +3,7 @@
 //! [`stream()`] sends a whole data set and resumes where the map is. [`FrameStream`] is for frames
 //! that are taken while they are sent.
 
+mod connect;
 mod connection;
 mod error;
 mod options;

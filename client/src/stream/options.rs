@@ -1,5 +1,6 @@
 //! Options of streaming a data set.
 
+use crate::access::Access;
 use std::num::NonZeroUsize;
 
 /// Where the poses of the map come from.
@@ -25,8 +26,10 @@ pub enum Encoder {
 /// Server, map and kind of a stream.
 #[derive(Clone, Debug)]
 pub struct StreamOptions {
-    /// The server's gRPC address, `HOST:PORT`.
+    /// The server's gRPC address: `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`.
     pub grpc: String,
+    /// Token and certificates.
+    pub access: Access,
     /// Name of the map to create or resume.
     pub map: String,
     /// Where poses come from.

@@ -1,5 +1,6 @@
 //! Streams to a small stand-in for the server, over a real socket.
 
+use crate::access::Access;
 use crate::dataset::{
     Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame,
 };
@@ -183,6 +184,7 @@ async fn serve(service: StandIn) -> StreamOptions {
     let server = tonic::transport::Server::builder().add_service(MappingServer::new(service));
     tokio::spawn(server.serve_with_incoming(TcpIncoming::from(listener)));
     StreamOptions {
+        access: Access::default(),
         grpc,
         map: "m".into(),
         poses: Poses::Given,
@@ -269,7 +271,7 @@ async fn errors_say_what_to_do() {
     for address in ["nowhere", "localhost:http", "a b:1", ""] {
         assert!(matches!(error(vec![1], &at(address)).await, ClientError::Address { .. }));
     }
-    let encrypted = error(vec![1], &at("HTTPS://127.0.0.1:1")).await;
+    let encrypted = error(vec![1], &at(&format!("HTTPS://{}", options.grpc))).await;
     assert!(matches!(encrypted, ClientError::Tls { .. }), "it is not sent in plain text");
     // A port that was free a moment ago.
     let free = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();

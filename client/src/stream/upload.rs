@@ -29,7 +29,7 @@ pub async fn stream(
     }
     let spec = MapSpec::of(&*dataset, options);
     let FrameStream { frames, mut acks, opened } =
-        FrameStream::open(&options.grpc, spec, READ_AHEAD).await?;
+        FrameStream::open(&options.grpc, &options.access, spec, READ_AHEAD).await?;
     let seen = opened.received_through.max(opened.durable_through);
     let is_new = |index: &usize| seen.is_none_or(|seen| dataset.sequence(*index) > seen);
     let indices: Vec<usize> = (0..dataset.len()).filter(is_new).collect();

@@ -14,6 +14,7 @@ mod question;
 mod render;
 mod reply;
 mod segmentation;
+mod session;
 
 pub use answer::{Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, Timing};
 pub use camera::{Camera, View};
@@ -25,6 +26,7 @@ pub use question::{Bounds, Question};
 pub use render::{Channel, RenderRequest};
 pub use reply::Reply;
 pub use segmentation::{LabelsLink, LegendEntry, Segmentation};
+pub use session::Login;
 
 #[cfg(test)]
 mod tests;

@@ -22,6 +22,9 @@ pub struct HttpConfig {
     /// Origins (CORS) of web pages that may use this server; "*" allows any. The dashboard needs
     /// none.
     pub cors_origins: Vec<String>,
+    /// Names that the server is called in addresses, besides `localhost` and IP addresses; "*" allows
+    /// any. Requests to other names are refused.
+    pub hosts: Vec<String>,
 }
 
 impl Default for HttpConfig {
@@ -34,6 +37,7 @@ impl Default for HttpConfig {
             recent_answers_bytes: 256 << 20,
             event_backlog: 512,
             cors_origins: Vec::new(),
+            hosts: Vec::new(),
         }
     }
 }

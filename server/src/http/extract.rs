@@ -2,15 +2,15 @@
 
 use super::error::Problem;
 use super::state::Shared;
+use crate::access::client_name;
 use crate::pipeline::map::Map;
 use crate::pipeline::query::Client;
-use axum::extract::{ConnectInfo, FromRequest, FromRequestParts, Path, Request};
+use axum::extract::{FromRequest, FromRequestParts, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::convert::Infallible;
-use std::net::SocketAddr;
 use std::sync::Arc;
 
 /// The media type of numpy arrays.
@@ -48,16 +48,14 @@ impl FromRequestParts<Arc<Shared>> for NamedMap {
     }
 }
 
-/// Who asks: the address that the request came from.
+/// Who asks.
 pub(super) struct Asker(pub(super) Client);
 
 impl<S: Send + Sync> FromRequestParts<S> for Asker {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Infallible> {
-        let address = parts.extensions.get::<ConnectInfo<SocketAddr>>();
-        let name = address.map(|ConnectInfo(address)| address.ip().to_string());
-        Ok(Self(Client::new(&name.unwrap_or_default())))
+        Ok(Self(Client::new(&client_name(&parts.extensions))))
     }
 }
 
@@ -74,20 +72,38 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Options<T> {
     }
 }
 
-/// A JSON body; `Content-Type` is ignored.
+/// A JSON body.
 pub(super) struct Body<T>(pub(super) T);
 
 impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
+        if !is_json(request.headers()) {
+            let detail = "expected `content-type: application/json`";
+            let problem = Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail);
+            return Err(problem.at("content-type"));
+        }
         let limit = state.config.max_body_bytes;
-        let body = axum::body::to_bytes(request.into_body(), limit).await.map_err(|_| {
+        let body = axum::body::to_bytes(request.into_body(), limit);
+        let body = tokio::time::timeout(state.body_limit, body).await.map_err(|_| {
+            let detail = format!("the body was not complete within {:?}", state.body_limit);
+            Problem::new(StatusCode::REQUEST_TIMEOUT, detail)
+        })?;
+        let body = body.map_err(|_| {
             let detail = format!("the body is longer than {limit} bytes or incomplete");
             Problem::new(StatusCode::PAYLOAD_TOO_LARGE, detail)
         })?;
         json(&body).map(Self)
     }
+}
+
+/// Whether the body is said to be JSON. A page of another origin cannot say so without being asked
+/// for its origin first.
+fn is_json(headers: &HeaderMap) -> bool {
+    let value = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    let kind = value.and_then(|value| value.split(';').next()).unwrap_or_default();
+    kind.trim().eq_ignore_ascii_case("application/json")
 }
 
 /// Parses JSON. The problem has the line, the column and the field.

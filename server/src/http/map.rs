@@ -4,10 +4,11 @@ use super::error::Problem;
 use super::extract::{Body, NamedMap, Segments};
 use super::state::State;
 use super::to_json::{keyframe, status};
+use crate::access::Caller;
 use crate::export;
-use axum::Json;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
+use axum::{Extension, Json};
 use lexsplat_proto::json::{self, Frames, Maps, NewMap, Status};
 
 /// Creates a map.
@@ -21,17 +22,21 @@ use lexsplat_proto::json::{self, Frames, Maps, NewMap, Status};
 )]
 pub(super) async fn create(
     state: State,
+    Extension(caller): Extension<Caller>,
     Body(NewMap { name }): Body<NewMap>,
 ) -> Result<impl IntoResponse, Problem> {
+    caller.may_use(&name).map_err(|error| Problem::from(error).at("name"))?;
     let map = state.maps.create(&name).await?;
     let location = format!("/v1/maps/{}", map.name());
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(status(map.status()))))
 }
 
-/// Lists all maps.
+/// Lists the maps that the caller may use.
 #[utoipa::path(get, path = "/v1/maps", tag = "maps", responses((status = 200, body = Maps)))]
-pub(super) async fn list(state: State) -> Json<Maps> {
-    Json(Maps { maps: state.engine().maps().iter().map(|map| status(map.status())).collect() })
+pub(super) async fn list(state: State, Extension(caller): Extension<Caller>) -> Json<Maps> {
+    let maps = state.engine().maps();
+    let seen = maps.iter().filter(|map| caller.sees(map.name()));
+    Json(Maps { maps: seen.map(|map| status(map.status())).collect() })
 }
 
 /// The status of a map.

@@ -6,6 +6,7 @@
 
 mod answer_cache;
 mod answers;
+mod browser;
 mod config;
 mod error;
 mod event_log;
@@ -13,6 +14,7 @@ mod events;
 mod export;
 mod extract;
 mod file_cache;
+mod guard;
 mod health;
 mod map;
 mod openapi;
@@ -20,6 +22,7 @@ mod query;
 mod range;
 mod render;
 mod router;
+mod session;
 mod state;
 mod to_json;
 

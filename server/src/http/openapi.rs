@@ -1,9 +1,10 @@
 //! `GET /openapi.json`: the OpenAPI 3.1 document, generated from the annotations of the handlers.
 
-use super::{answers, events, export, health, map, query, render};
+use super::{answers, events, export, health, map, query, render, session};
 use axum::Json;
 use lexsplat_proto::json;
-use utoipa::OpenApi;
+use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use utoipa::{Modify, OpenApi};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -17,6 +18,8 @@ use utoipa::OpenApi;
         health::readyz,
         health::metrics,
         document,
+        session::log_in,
+        session::log_out,
         map::list,
         map::create,
         map::show,
@@ -32,6 +35,8 @@ use utoipa::OpenApi;
         export::file,
         events::stream,
     ),
+    modifiers(&Bearer),
+    security(("bearer" = [])),
     components(schemas(
         json::Problem,
         json::FrameEvent,
@@ -41,6 +46,16 @@ use utoipa::OpenApi;
     ))
 )]
 pub(super) struct Document;
+
+/// Callers send a bearer token where the server asks for one.
+struct Bearer;
+
+impl Modify for Bearer {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let bearer = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
+        document.components.get_or_insert_default().add_security_scheme("bearer", bearer);
+    }
+}
 
 /// This document.
 #[utoipa::path(get, path = "/openapi.json", tag = "health", responses((status = 200, description = "OpenAPI 3.1")))]

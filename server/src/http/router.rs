@@ -1,20 +1,25 @@
 //! The routes.
 
 use super::answer_cache::AnswerCache;
+use super::browser::{Browsers, protect};
 use super::config::HttpConfig;
 use super::error::Problem;
 use super::event_log::EventLogs;
 use super::file_cache::FileCache;
+use super::guard::guard;
 use super::state::Shared;
-use super::{answers, events, export, health, map, openapi, query, render};
+use super::{answers, events, export, health, map, openapi, query, render, session};
+use crate::access::Gate;
 use crate::maps::RecordedMaps;
 use crate::web;
 use axum::Router;
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderValue, Method, header};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse as _, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use std::any::Any;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -24,7 +29,11 @@ use tower_http::trace::TraceLayer;
 /// The parts of the server that the routes use.
 pub(crate) struct Context {
     pub(crate) maps: RecordedMaps,
+    /// Who may use which route.
+    pub(crate) gate: Gate,
     pub(crate) config: HttpConfig,
+    /// How long a request's body may take.
+    pub(crate) body_limit: Duration,
     /// False while maps are rebuilt from their logs.
     pub(crate) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops; ends the streams of events.
@@ -33,14 +42,21 @@ pub(crate) struct Context {
 
 /// All routes, those of the dashboard included.
 pub(crate) fn router(context: Context) -> Router {
-    let Context { maps, config, ready, stopping } = context;
+    let Context { maps, gate, config, body_limit, ready, stopping } = context;
     let cors = cors(&config.cors_origins);
+    let browsers = Arc::new(Browsers {
+        hosts: config.hosts.clone(),
+        origins: config.cors_origins.clone(),
+        is_private: gate.asks(),
+    });
     let shared = Arc::new(Shared {
         answers: AnswerCache::new(config.recent_answers, config.recent_answers_bytes),
         event_logs: EventLogs::new(config.event_backlog),
         last_file: FileCache::default(),
         maps,
+        gate: gate.clone(),
         config,
+        body_limit,
         ready,
         stopping,
     });
@@ -49,9 +65,10 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/readyz", get(health::readyz))
         .route("/metrics", get(health::metrics))
         .route("/openapi.json", get(openapi::document))
+        .route("/v1/session", post(session::log_in).delete(session::log_out))
         .route("/v1/maps", get(map::list).post(map::create))
         .route("/v1/maps/{name}", get(map::show).delete(map::delete))
-        .route("/v1/maps/{name}/query", axum::routing::post(query::ask))
+        .route("/v1/maps/{name}/query", post(query::ask))
         .route("/v1/maps/{name}/queries/{query_id}/heatmap", get(answers::heatmap))
         .route("/v1/maps/{name}/queries/{query_id}/points", get(answers::points))
         .route("/v1/maps/{name}/queries/{query_id}/labels", get(answers::labels))
@@ -60,11 +77,12 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))
         .route("/v1/maps/{name}/export/{file}", get(export::file))
         .route("/v1/maps/{name}/events", get(events::stream))
-        .method_not_allowed_fallback(method_not_allowed)
         .fallback(not_found)
         .with_state(shared)
         .merge(web::router())
+        .layer(from_fn_with_state(gate, guard))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(from_fn_with_state(browsers, protect))
         .layer(TraceLayer::new_for_http());
     match cors {
         Some(cors) => router.layer(cors),
@@ -74,11 +92,6 @@ pub(crate) fn router(context: Context) -> Router {
 
 async fn not_found(uri: axum::http::Uri) -> Problem {
     Problem::not_found(format!("no route {}: GET /openapi.json lists all routes", uri.path()))
-}
-
-async fn method_not_allowed(method: Method, uri: axum::http::Uri) -> Problem {
-    let detail = format!("{} does not take {method}: see GET /openapi.json", uri.path());
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, detail)
 }
 
 /// The answer to a request after its handler panicked. The panic's message is only in the server's log.
@@ -101,7 +114,12 @@ fn cors(origins: &[String]) -> Option<CorsLayer> {
         CorsLayer::new()
             .allow_origin(allowed)
             .allow_methods([Method::GET, Method::POST, Method::DELETE])
-            .allow_headers([header::CONTENT_TYPE, header::ACCEPT, header::RANGE])
+            .allow_headers([
+                header::AUTHORIZATION,
+                header::CONTENT_TYPE,
+                header::ACCEPT,
+                header::RANGE,
+            ])
             .expose_headers([header::ETAG, header::CONTENT_RANGE]),
     )
 }

@@ -5,6 +5,7 @@ use super::config::HttpConfig;
 use super::error::Problem;
 use super::event_log::EventLogs;
 use super::file_cache::FileCache;
+use crate::access::Gate;
 use crate::maps::RecordedMaps;
 use crate::pipeline::engine::Engine;
 use std::sync::Arc;
@@ -14,7 +15,10 @@ use tokio_util::sync::CancellationToken;
 
 pub(super) struct Shared {
     pub(super) maps: RecordedMaps,
+    pub(super) gate: Gate,
     pub(super) config: HttpConfig,
+    /// How long a request's body may take.
+    pub(super) body_limit: Duration,
     /// False while maps are rebuilt from their logs.
     pub(super) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops.

@@ -28,10 +28,6 @@ pub struct IngestConfig {
     pub ack_seconds: u64,
     /// How long a stream may take to send its opening message, seconds.
     pub open_seconds: u64,
-    /// Interval of HTTP/2 keep-alive pings, seconds.
-    pub keepalive_seconds: u64,
-    /// How long the reply to a ping may take before the connection is closed, seconds.
-    pub keepalive_timeout_seconds: u64,
 }
 
 impl Default for IngestConfig {
@@ -47,8 +43,6 @@ impl Default for IngestConfig {
             ack_backlog: 64,
             ack_seconds: 60,
             open_seconds: 30,
-            keepalive_seconds: 20,
-            keepalive_timeout_seconds: 20,
         }
     }
 }
@@ -83,8 +77,6 @@ impl IngestConfig {
         at_least("ingest.ack_backlog", self.ack_backlog, 1)?;
         at_least("ingest.ack_seconds", self.ack_seconds, 1)?;
         at_least("ingest.open_seconds", self.open_seconds, 1)?;
-        at_least("ingest.keepalive_seconds", self.keepalive_seconds, 1)?;
-        at_least("ingest.keepalive_timeout_seconds", self.keepalive_timeout_seconds, 1)?;
         let (near, far) = (self.min_depth_metres, self.max_depth_metres);
         at_least("ingest.min_depth_metres", near, 0.0)?;
         require(
@@ -142,16 +134,6 @@ mod tests {
                 ("ingest.ack_backlog", |c| c.ack_backlog = 0, |c| c.ack_backlog = 1),
                 ("ingest.ack_seconds", |c| c.ack_seconds = 0, |c| c.ack_seconds = 1),
                 ("ingest.open_seconds", |c| c.open_seconds = 0, |c| c.open_seconds = 1),
-                (
-                    "ingest.keepalive_seconds",
-                    |c| c.keepalive_seconds = 0,
-                    |c| c.keepalive_seconds = 1,
-                ),
-                (
-                    "ingest.keepalive_timeout_seconds",
-                    |c| c.keepalive_timeout_seconds = 0,
-                    |c| c.keepalive_timeout_seconds = 1,
-                ),
             ],
             &[],
         );

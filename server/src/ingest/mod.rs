@@ -5,6 +5,7 @@
 
 mod config;
 mod context;
+mod guard;
 mod maps;
 mod query;
 mod service;

@@ -1,61 +1,62 @@
-//! The `lexsplat.v1.Mapping` service and its gRPC server.
+//! The `lexsplat.v1.Mapping` service, with health and reflection.
 
 use super::config::IngestConfig;
 use super::context::Context;
+use super::guard::{caller, guard, permit};
 use super::unfinished::Unfinished;
 use super::{maps, query, status, stream};
+use crate::access::{Gate, client_name};
 use crate::maps::RecordedMaps;
 use crate::pipeline::query::Client;
+use axum::Router;
+use axum::middleware::from_fn_with_state;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::net::TcpListener;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tonic::codec::CompressionEncoding;
-use tonic::transport::server::TcpIncoming;
+use tonic::service::Routes;
 use tonic::{Request, Response, Status, Streaming};
 use tower::util::MapRequestLayer;
 
-/// Open calls allowed on one connection.
-const MAX_CALLS_PER_CONNECTION: u32 = 64;
-/// HTTP/2 flow-control window of a stream, bytes: about one uncompressed frame.
-const STREAM_WINDOW_BYTES: u32 = 4 << 20;
-
-/// Why the gRPC server stopped.
+/// Why the gRPC interface does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
     /// The reflection service does not start.
     #[error("cannot load the descriptors of the gRPC messages")]
     Reflection(#[from] tonic_reflection::server::Error),
-    /// The transport failed.
-    #[error("the gRPC listener failed")]
-    Transport(#[from] tonic::transport::Error),
 }
 
 /// The `lexsplat.v1.Mapping` service.
 #[derive(Clone)]
-pub(crate) struct MappingService(Context);
+pub(crate) struct MappingService(Context, Gate);
 
 impl MappingService {
-    /// Serves `maps`; streams end when `stopping` is cancelled.
+    /// Serves `maps` to those whom `gate` lets in; streams end when `stopping` is cancelled.
     pub(crate) fn new(
         maps: RecordedMaps,
+        gate: Gate,
         config: &IngestConfig,
         stopping: CancellationToken,
     ) -> Self {
         let (limits, config) = (config.limits(), Arc::new(config.clone()));
-        Self(Context { maps, config, limits, stopping })
+        Self(Context { maps, config, limits, stopping }, gate)
     }
 
-    /// Serves until the token is cancelled and every call has ended.
+    /// The calls, with health and reflection.
     ///
     /// # Errors
     /// [`IngestError`].
-    pub(crate) async fn serve(self, listener: TcpListener) -> Result<(), IngestError> {
+    pub(crate) async fn router(self) -> Result<Router, IngestError> {
         let (health, health_service) = tonic_health::server::health_reporter();
         health.set_serving::<MappingServer<Self>>().await;
+        let stopping = self.0.stopping.clone();
+        tokio::spawn(async move {
+            stopping.cancelled().await;
+            health.set_not_serving::<MappingServer<Self>>().await;
+        });
         // Most clients still use v1alpha of the reflection service.
         let reflection = || {
             tonic_reflection::server::Builder::configure()
@@ -63,42 +64,27 @@ impl MappingService {
                 .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
         };
         let (reflection, v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
+        let gate = self.1.clone();
         let config = self.0.config.clone();
-        let stopping = self.0.stopping.clone();
+        let timeout = Duration::from_secs(config.message_seconds);
+        let unfinished = Unfinished::new(config.max_unfinished_bytes, timeout);
+        let watch =
+            move |request: axum::extract::Request| request.map(|body| unfinished.watch(body));
         let mapping = MappingServer::new(self)
             .max_decoding_message_size(config.max_message_bytes)
             .accept_compressed(CompressionEncoding::Gzip)
             .accept_compressed(CompressionEncoding::Zstd);
-        let timeout = Duration::from_secs(config.message_seconds);
-        let unfinished = Unfinished::new(config.max_unfinished_bytes, timeout);
-        let watch =
-            move |request: axum::http::Request<_>| request.map(|body| unfinished.watch(body));
-        tonic::transport::Server::builder()
-            .layer(MapRequestLayer::new(watch))
-            .http2_keepalive_interval(Some(Duration::from_secs(config.keepalive_seconds)))
-            .http2_keepalive_timeout(Some(Duration::from_secs(config.keepalive_timeout_seconds)))
-            .max_concurrent_streams(MAX_CALLS_PER_CONNECTION)
-            .initial_stream_window_size(STREAM_WINDOW_BYTES)
-            .add_service(health_service)
+        let routes = Routes::new(health_service)
             .add_service(reflection)
             .add_service(v1alpha)
-            .add_service(mapping)
-            .serve_with_incoming_shutdown(
-                TcpIncoming::from(listener).with_nodelay(Some(true)),
-                async move {
-                    stopping.cancelled().await;
-                    health.set_not_serving::<MappingServer<Self>>().await;
-                },
-            )
-            .await?;
-        Ok(())
+            .add_service(mapping);
+        let router = routes.into_axum_router().layer(MapRequestLayer::new(watch));
+        Ok(router.layer(from_fn_with_state(gate, guard)))
     }
 }
 
-/// Who makes a call: the address that it came from.
 fn client<T>(request: &Request<T>) -> Client {
-    let address = request.remote_addr().map(|address| address.ip().to_string());
-    Client::new(&address.unwrap_or_default())
+    Client::new(&client_name(request.extensions()))
 }
 
 #[tonic::async_trait]
@@ -110,13 +96,15 @@ impl Mapping for MappingService {
         &self,
         request: Request<Streaming<v1::FrameMessage>>,
     ) -> Result<Response<Self::StreamFramesStream>, Status> {
-        Ok(Response::new(stream::start(self.0.clone(), request.into_inner())))
+        let caller = caller(&request)?;
+        Ok(Response::new(stream::start(self.0.clone(), caller, request.into_inner())))
     }
 
     async fn query(
         &self,
         request: Request<v1::QueryRequest>,
     ) -> Result<Response<v1::QueryResponse>, Status> {
+        permit(&caller(&request)?, &request.get_ref().map, "map")?;
         query::answer(&self.0, &client(&request), request.into_inner()).await.map(Response::new)
     }
 
@@ -124,6 +112,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::CreateMapRequest>,
     ) -> Result<Response<v1::MapStatus>, Status> {
+        permit(&caller(&request)?, &request.get_ref().name, "name")?;
         maps::create(&self.0, &request.into_inner().name).await.map(Response::new)
     }
 
@@ -131,6 +120,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::GetMapRequest>,
     ) -> Result<Response<v1::MapStatus>, Status> {
+        permit(&caller(&request)?, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
         let map = self.0.maps.get(&name).map_err(|error| status::of_map(&error, "name"))?;
         Ok(Response::new(maps::wire_status(map.status())))
@@ -138,10 +128,12 @@ impl Mapping for MappingService {
 
     async fn list_maps(
         &self,
-        _request: Request<v1::ListMapsRequest>,
+        request: Request<v1::ListMapsRequest>,
     ) -> Result<Response<v1::ListMapsResponse>, Status> {
-        let maps =
-            self.0.maps.engine().maps().iter().map(|map| maps::wire_status(map.status())).collect();
+        let caller = caller(&request)?;
+        let maps = self.0.maps.engine().maps();
+        let seen = maps.iter().filter(|map| caller.sees(map.name()));
+        let maps = seen.map(|map| maps::wire_status(map.status())).collect();
         Ok(Response::new(v1::ListMapsResponse { maps }))
     }
 
@@ -149,6 +141,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::DeleteMapRequest>,
     ) -> Result<Response<v1::DeleteMapResponse>, Status> {
+        permit(&caller(&request)?, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
         maps::delete(&self.0, &name).await?;
         Ok(Response::new(v1::DeleteMapResponse {}))
@@ -158,6 +151,7 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::ExportRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
+        permit(&caller(&request)?, &request.get_ref().map, "map")?;
         maps::export(&self.0, &client(&request), request.into_inner()).await.map(Response::new)
     }
 }

@@ -7,8 +7,10 @@
 //! stops reading, and HTTP/2 flow control makes the sender wait.
 
 use super::context::Context;
+use super::guard::permit;
 use super::maps::wire_warnings;
 use super::status;
+use crate::access::Caller;
 use crate::check::{self, Opening, Refusal};
 use crate::maps::Recording;
 use crate::pipeline::frame::{FrameOutcome, TrackingState};
@@ -37,12 +39,13 @@ enum Pending {
 /// Starts both tasks; the returned stream ends when they have ended.
 pub(super) fn start(
     context: Context,
+    caller: Caller,
     inbound: Streaming<v1::FrameMessage>,
 ) -> ReceiverStream<Result<FrameAck, Status>> {
     let (acks, stream) = mpsc::channel(context.config.ack_backlog);
     tokio::spawn(async move {
         metrics::gauge!(STREAMS).increment(1.0);
-        if let Err(status) = converse(context, inbound, &acks).await {
+        if let Err(status) = converse(context, caller, inbound, &acks).await {
             tracing::info!(code = ?status.code(), reason = status.message(), "a stream ended");
             // If this fails, the sender has disconnected.
             let _ = acks.send(Err(status)).await;
@@ -54,10 +57,11 @@ pub(super) fn start(
 
 async fn converse(
     context: Context,
+    caller: Caller,
     mut inbound: Streaming<v1::FrameMessage>,
     acks: &Acks,
 ) -> Result<(), Status> {
-    let (recording, opening) = open(&context, &mut inbound).await?;
+    let (recording, opening) = open(&context, &caller, &mut inbound).await?;
     let (pending, waiting) = mpsc::channel(context.config.ack_backlog);
     let acknowledger = Acknowledger {
         map: recording.map().clone(),
@@ -78,6 +82,7 @@ async fn converse(
 /// Reads the opening message and opens the map that it names.
 async fn open(
     context: &Context,
+    caller: &Caller,
     inbound: &mut Streaming<v1::FrameMessage>,
 ) -> Result<(Recording, Opening), Status> {
     let limit = Duration::from_secs(context.config.open_seconds);
@@ -92,11 +97,12 @@ async fn open(
         Some(Message::Frame(_)) => return Err(out_of_place("open", "a frame came first")),
         None => return Err(out_of_place("open", "the stream is empty")),
     };
+    permit(caller, &open.map, "map")?;
     let opening =
         check::opening(&open, &context.limits).map_err(|refusal| status::refused(&refusal))?;
     let recording =
         context.maps.open(&open, &opening).await.map_err(|error| status::of_maps(&error, "map"))?;
-    tracing::info!(map = open.map, camera = ?opening.intrinsics, "a stream opened");
+    tracing::info!(map = open.map, caller = caller.name(), camera = ?opening.intrinsics, "a stream opened");
     Ok((recording, opening))
 }
 

@@ -1,7 +1,9 @@
 //! Tests of streams and calls over a real socket, with a real pipeline.
 
 use super::{IngestConfig, MappingService};
+use crate::access::{AccessConfig, Gate};
 use crate::maps::{RecordedMaps, replay};
+use crate::net::{self, ConnectionsConfig, Port, Protocol};
 use crate::store::Store;
 use crate::test_support::{config, engine, frame, open_message};
 use lexsplat_proto::v1::mapping_client::MappingClient;
@@ -30,8 +32,16 @@ impl Server {
         // A short limit, so that the test of a sender that does not read is fast.
         let config = IngestConfig { ack_seconds: 1, ..config().ingest };
         let maps = RecordedMaps::new(engine(), store);
-        let service = MappingService::new(maps, &config, stopping.clone());
-        let serving = tokio::spawn(async move { service.serve(listener).await.unwrap() });
+        let gate = Gate::new(AccessConfig::default()).unwrap();
+        let service = MappingService::new(maps, gate, &config, stopping.clone());
+        let port = Port {
+            protocol: Protocol::Grpc,
+            listener,
+            router: service.router().await.unwrap(),
+            tls: None,
+            limits: ConnectionsConfig::default(),
+        };
+        let serving = tokio::spawn(net::serve(port, stopping.clone()));
         let client = MappingClient::connect(format!("http://{address}")).await.unwrap();
         Self { client, stopping, serving }
     }

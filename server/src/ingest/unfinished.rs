@@ -5,6 +5,8 @@
 //! which somebody began and never completes do not shut out ordinary frames.
 
 use crate::telemetry::UNFINISHED_ENDED;
+use axum::BoxError;
+use axum::body::Body;
 use http_body::{Body as HttpBody, Frame};
 use std::collections::HashMap;
 use std::pin::Pin;
@@ -14,7 +16,6 @@ use std::time::Duration;
 use tokio::time::{Instant, Sleep, sleep};
 use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
 use tonic::Status;
-use tonic::body::Body;
 
 /// Length of the header before each message: a flag, and the size of the message, big-endian.
 const HEADER: usize = 5;
@@ -177,12 +178,12 @@ impl Watched {
 
 impl HttpBody for Watched {
     type Data = <Body as HttpBody>::Data;
-    type Error = Status;
+    type Error = BoxError;
 
     fn poll_frame(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Self::Data>, Status>>> {
+    ) -> Poll<Option<Result<Frame<Self::Data>, BoxError>>> {
         let this = &mut *self;
         if this.message.is_complete() {
             // The reader asks for more, so it has taken what it had.
@@ -190,16 +191,16 @@ impl HttpBody for Watched {
             this.all.set(this.id, 0);
         }
         if let Poll::Ready(status) = this.poll_end(context) {
-            return Poll::Ready(Some(Err(status)));
+            return Poll::Ready(Some(Err(status.into())));
         }
-        let polled = Pin::new(&mut this.body).poll_frame(context);
+        let polled = Pin::new(&mut this.body).poll_frame(context).map_err(BoxError::from);
         if let Poll::Ready(Some(Ok(frame))) = &polled
             && let Some(data) = frame.data_ref()
         {
             this.add(data);
             // It may be this call that has to end, or the time of the message may begin.
             if let Poll::Ready(status) = this.poll_end(context) {
-                return Poll::Ready(Some(Err(status)));
+                return Poll::Ready(Some(Err(status.into())));
             }
         }
         polled
@@ -244,7 +245,9 @@ mod tests {
 
     async fn next(body: &mut Body) -> Result<usize, Code> {
         let frame = body.frame().await.expect("it has not ended");
-        frame.map(|frame| frame.into_data().unwrap().len()).map_err(|status| status.code())
+        let code =
+            |error: axum::Error| Status::try_from_error(error.into()).expect("a status").code();
+        frame.map(|frame| frame.into_data().unwrap().len()).map_err(code)
     }
 
     #[tokio::test]

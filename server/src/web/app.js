@@ -5,6 +5,7 @@ import { ask } from '/dashboard/questions.js';
 import { api, json } from '/dashboard/server.js';
 import { $, state } from '/dashboard/state.js';
 import { drawStatus, refreshStatus } from '/dashboard/status.js';
+import { listenForLogin } from '/dashboard/session.js';
 import { clearAnswer, drawHeat, drawMarks, drawPicture, drawPlanNow } from '/dashboard/view.js';
 
 const LIST_MILLIS = 4000;
@@ -65,6 +66,8 @@ document.onkeydown = (event) => {
   if (event.key === 'ArrowLeft' && !typing) step(-1);
   if (event.key === 'ArrowRight' && !typing) step(1);
 };
+
+listenForLogin();
 
 let wasDown = false;
 async function poll() {

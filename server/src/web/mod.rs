@@ -16,13 +16,14 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Paths and texts of the JavaScript modules.
-const SCRIPTS: [(&str, &str); 9] = [
+const SCRIPTS: [(&str, &str); 10] = [
     ("/dashboard/app.js", include_str!("app.js")),
     ("/dashboard/keyframes.js", include_str!("keyframes.js")),
     ("/dashboard/page.js", include_str!("page.js")),
     ("/dashboard/plan.js", include_str!("plan.js")),
     ("/dashboard/questions.js", include_str!("questions.js")),
     ("/dashboard/server.js", include_str!("server.js")),
+    ("/dashboard/session.js", include_str!("session.js")),
     ("/dashboard/state.js", include_str!("state.js")),
     ("/dashboard/status.js", include_str!("status.js")),
     ("/dashboard/view.js", include_str!("view.js")),

@@ -1,5 +1,5 @@
 // Requests to the server.
-import { state } from '/dashboard/state.js';
+import { $, state } from '/dashboard/state.js';
 
 export async function call(path, options = {}) {
   let response;
@@ -9,6 +9,7 @@ export async function call(path, options = {}) {
     throw new Error('the server does not answer');
   }
   if (!response.ok) {
+    if (response.status === 401) $('login').hidden = false;
     const problem = await response.json().catch(() => ({}));
     throw new Error(problem.detail ?? `${response.status} ${response.statusText}`);
   }

@@ -49,7 +49,7 @@ pub const CRATES: &[Declared] = &[
         folder: "server/src",
         root: "lib.rs",
         levels: &[
-            &["query_id", "telemetry", "web"],
+            &["file_watch", "query_id", "telemetry", "web"],
             &["pipeline/pose_covariance"],
             &[
                 "pipeline/bilinear",
@@ -59,6 +59,8 @@ pub const CRATES: &[Declared] = &[
                 "pipeline/quantile",
                 "pipeline/range",
             ],
+            &["net"],
+            &["access"],
             &["pipeline/input_warning"],
             &["pipeline/frame"],
             &["pipeline/downsampled_frame"],
@@ -97,7 +99,7 @@ pub const CRATES: &[Declared] = &[
         folder: "client/src",
         root: "lib.rs",
         levels: &[
-            &["npy"],
+            &["access", "npy"],
             &["dataset/error", "dataset/frame"],
             &["dataset/truth"],
             &["dataset/source"],
@@ -164,8 +166,8 @@ pub const CRATES: &[Declared] = &[
         root: "main.rs",
         levels: &[
             &[
-                "answer", "bench", "choices", "dataset", "files", "progress", "runtime", "server",
-                "waiting",
+                "access", "answer", "bench", "choices", "dataset", "files", "progress", "runtime",
+                "server", "waiting",
             ],
             &["sensing"],
             &["command/measure", "command/segment"],

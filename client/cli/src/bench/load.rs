@@ -18,7 +18,7 @@ use tokio::task::JoinSet;
 /// [`BenchError`] if a stream breaks or the server cannot be reached. Failed queries are counted
 /// instead.
 pub async fn run(plan: &Plan, datasets: Vec<Arc<dyn Dataset>>) -> Result<Report, BenchError> {
-    let http = HttpClient::new(&plan.http)?;
+    let http = HttpClient::with_access(&plan.http, &plan.access)?;
     let adapter = http.health().await?.adapter;
     let maps: Vec<String> = (0..datasets.len()).map(|at| format!("{}-{at}", plan.prefix)).collect();
     let outcome = load(plan, &http, &maps, datasets).await;

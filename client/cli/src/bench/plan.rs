@@ -1,5 +1,6 @@
 //! The load to put on a server, and the errors of doing so.
 
+use lexsplat_client::Access;
 use lexsplat_client::http::HttpError;
 use lexsplat_client::stream::ClientError;
 
@@ -10,6 +11,8 @@ pub struct Plan {
     pub grpc: String,
     /// The server's HTTP address.
     pub http: String,
+    /// Token and certificates.
+    pub access: Access,
     /// Prefix of the maps' names.
     pub prefix: String,
     /// Frames per second of each robot.

@@ -56,7 +56,7 @@ impl Robot {
             label_texts: Vec::new(),
         };
         let FrameStream { frames: outbound, acks, .. } =
-            FrameStream::open(&plan.grpc, spec, BETWEEN).await?;
+            FrameStream::open(&plan.grpc, &plan.access, spec, BETWEEN).await?;
         let period = Duration::from_secs_f64(1.0 / plan.frames_per_second);
         Ok(Self { frames, period, outbound, acks })
     }

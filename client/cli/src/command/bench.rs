@@ -1,6 +1,7 @@
 //! `lexsplat bench`: a load test of a running server. Prints latencies, counted from the times that
 //! frames and queries were due.
 
+use crate::access::AccessOptions;
 use crate::bench::{self, Latencies, Plan, Report};
 use crate::dataset::DatasetSpec;
 use crate::files::save;
@@ -49,6 +50,8 @@ pub struct Bench {
     /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
+    #[command(flatten)]
+    access: AccessOptions,
     /// Also write the report to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -68,6 +71,7 @@ pub async fn run(arguments: &Bench) -> Result<()> {
     let plan = Plan {
         grpc: arguments.grpc.clone(),
         http: arguments.http.clone(),
+        access: arguments.access.read()?,
         prefix: format!("bench-{}", std::process::id()),
         frames_per_second: arguments.frames_per_second,
         queries_per_second: arguments.queries_per_second,

@@ -2,6 +2,7 @@
 //! standard error, a table to standard output, report and images to a folder.
 
 use super::measure::{measure, measure_own, write};
+use crate::access::AccessOptions;
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
 use crate::files::make_folder;
@@ -66,6 +67,8 @@ pub struct Evaluate {
     /// The same server's HTTP address
     #[arg(long, value_name = "ADDR", requires = "grpc")]
     http: Option<String>,
+    #[command(flatten)]
+    access: AccessOptions,
     /// Map to make; the data set's name if not given
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
@@ -106,7 +109,12 @@ pub async fn run(arguments: &Evaluate) -> Result<()> {
     };
     if let (Some(grpc), Some(http)) = (&arguments.grpc, &arguments.http) {
         let map = arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned());
-        let target = Target { grpc: grpc.clone(), http: http.clone(), map };
+        let target = Target {
+            grpc: grpc.clone(),
+            http: http.clone(),
+            access: arguments.access.read()?,
+            map,
+        };
         return shown(arguments, &measure(dataset, &target, options).await?);
     }
     let plan = Plan {

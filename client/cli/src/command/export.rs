@@ -1,5 +1,6 @@
 //! `lexsplat export`: saves a map as a file.
 
+use crate::access::AccessOptions;
 use crate::waiting::Waiting;
 use anyhow::{Context as _, Result, bail};
 use clap::ValueEnum;
@@ -27,6 +28,8 @@ pub struct Export {
     /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
+    #[command(flatten)]
+    access: AccessOptions,
     #[command(flatten)]
     waiting: Waiting,
     /// The file to write; an old one is replaced
@@ -68,8 +71,8 @@ impl Format {
 
 /// Runs the command.
 pub async fn run(arguments: &Export) -> Result<()> {
-    let Export { map, format, voxel, text, http, waiting, file } = arguments;
-    let client = HttpClient::new(http)?;
+    let Export { map, format, voxel, text, http, access, waiting, file } = arguments;
+    let client = HttpClient::with_access(http, &access.read()?)?;
     waiting.until_settled(&client, map).await?;
     let mut options = Vec::new();
     options.extend(voxel.map(|metres| ("voxel", metres.to_string())));

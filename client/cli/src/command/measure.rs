@@ -6,6 +6,7 @@ use crate::runtime::interrupted;
 use crate::server::{Plan, Server};
 use anyhow::{Context as _, Result, bail};
 use indicatif::ProgressBar;
+use lexsplat_client::Access;
 use lexsplat_client::dataset::Dataset;
 use lexsplat_client::stream::Encoder;
 use lexsplat_evaluate::{Evaluation, Options, Step, Target, evaluate, markdown, plot};
@@ -32,7 +33,7 @@ pub async fn measure_own(
     let mut server = Server::start(&plan).await?;
     let (grpc, http) = (server.ready.grpc.clone(), server.ready.http.clone());
     let map = map.unwrap_or_else(|| dataset.name().to_owned());
-    let target = Target { grpc, http, map };
+    let target = Target { grpc, http, access: Access::default(), map };
     let mut evaluation = tokio::select! {
         done = measure(dataset, &target, options) => done.map_err(|error| server.explain(error))?,
         pressed = interrupted() => pressed.and_then(|()| bail!("interrupted"))?,

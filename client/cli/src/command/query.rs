@@ -2,6 +2,7 @@
 //! Several texts are handled by [`super::segment`].
 
 use super::segment;
+use crate::access::AccessOptions;
 use crate::answer::{best_object, metres, shown};
 use crate::files::{make_folder, save, save_image};
 use crate::waiting::Waiting;
@@ -47,6 +48,8 @@ pub struct Query {
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
     #[command(flatten)]
+    access: AccessOptions,
+    #[command(flatten)]
     waiting: Waiting,
     /// Print the server's answer as JSON instead
     #[arg(long)]
@@ -58,8 +61,8 @@ const GOOD_DISTANCE_METRES: f64 = 1.8;
 
 /// Runs the command.
 pub async fn run(arguments: &Query) -> Result<()> {
-    let Query { texts, map, frame, out, http, json, .. } = arguments;
-    let client = HttpClient::new(http)?;
+    let Query { texts, map, frame, out, http, access, json, .. } = arguments;
+    let client = HttpClient::with_access(http, &access.read()?)?;
     arguments.waiting.until_settled(&client, map).await?;
     let question = arguments.question();
     if texts.len() > 1 {

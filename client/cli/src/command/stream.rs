@@ -1,6 +1,7 @@
 //! `lexsplat stream`: sends a data set to a server, with a progress bar on standard error and the
 //! summary on standard output.
 
+use crate::access::AccessOptions;
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
 use crate::progress::{progress_bar, show};
@@ -47,6 +48,8 @@ pub struct Stream {
     /// The server's gRPC address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:50051")]
     grpc: String,
+    #[command(flatten)]
+    access: AccessOptions,
     /// Print the summary as one line of JSON
     #[arg(long)]
     json: bool,
@@ -66,6 +69,7 @@ pub async fn run(arguments: &Stream) -> Result<()> {
     }
     let options = StreamOptions {
         grpc: arguments.grpc.clone(),
+        access: arguments.access.read()?,
         map: arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned()),
         poses: arguments.poses.into(),
         encoder: arguments.encoder.into(),

@@ -6,6 +6,7 @@ mod questions;
 mod service;
 
 use super::{Context, HttpConfig, router};
+use crate::access::{AccessConfig, Gate};
 use crate::maps::RecordedMaps;
 use crate::pipeline::frame::Frame;
 use crate::store::Store;
@@ -54,7 +55,9 @@ impl Server {
         let stopping = CancellationToken::new();
         let router = router(Context {
             maps: RecordedMaps::new(engine(), Store::default()),
+            gate: Gate::new(AccessConfig::default()).unwrap(),
             config: HttpConfig { max_body_bytes: 16 << 10, ..HttpConfig::default() },
+            body_limit: PATIENCE,
             ready,
             stopping: stopping.clone(),
         });
@@ -77,7 +80,8 @@ impl Server {
     }
 
     async fn post(&self, path: &str, body: impl Into<Body>) -> Reply {
-        self.send(Request::post(path).body(body.into()).unwrap()).await
+        let request = Request::post(path).header("content-type", "application/json");
+        self.send(request.body(body.into()).unwrap()).await
     }
 
     /// Checks that the answer is a problem with this status and field.
@@ -100,7 +104,8 @@ impl Server {
     }
 
     async fn problem_post(&self, path: &str, body: &Value, status: u16, field: &str) {
-        let request = Request::post(path).body(body.to_string().into()).unwrap();
+        let request = Request::post(path).header("content-type", "application/json");
+        let request = request.body(body.to_string().into()).unwrap();
         self.problem(request, status, field).await;
     }
 }

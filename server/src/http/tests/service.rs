@@ -1,6 +1,7 @@
 //! Errors, events and the description of the service.
 
 use super::{FRAME, Server, mapped, wall};
+use crate::access::rules;
 use crate::pipeline::frame::Frame;
 use crate::test_support::CAMERA;
 use axum::body::Body;
@@ -73,6 +74,12 @@ async fn the_server_describes_itself() {
     ] {
         assert!(document["paths"][path][method].is_object(), "{method} {path}");
     }
+    for (path, methods) in document["paths"].as_object().unwrap() {
+        for method in methods.as_object().unwrap().keys() {
+            let rule = rules::of_http(&method.to_uppercase(), path);
+            assert!(rule.is_some(), "who may {method} {path}?");
+        }
+    }
     let page = server.get("/").await;
     assert!(page.header("content-type").starts_with("text/html"));
     // Every file that the page or one of its scripts names is served.
@@ -91,5 +98,5 @@ async fn the_server_describes_itself() {
     for file in ["style.css", "app.js", "plan.js", "view.js"] {
         assert!(files.contains(file), "{file} is used by the page");
     }
-    assert_eq!(files.len(), 10, "{files:?}");
+    assert_eq!(files.len(), 11, "{files:?}");
 }

@@ -16,6 +16,7 @@ use anyhow::{Context as _, Result, bail};
 use ask::{Asked, Asker};
 use image::RgbImage;
 use indicatif::ProgressBar;
+use lexsplat_client::Access;
 use lexsplat_client::dataset::{Dataset, FrameRange};
 use lexsplat_client::http::{HttpClient, Status};
 use lexsplat_client::stream::{Encoder, StreamOptions, stream};
@@ -113,6 +114,7 @@ async fn show_all(
     let map = dataset.name().to_owned();
     let options = StreamOptions {
         grpc: ready.grpc.clone(),
+        access: Access::default(),
         map: map.clone(),
         poses: arguments.poses.into(),
         encoder: Encoder::Bundle,

@@ -1,0 +1,51 @@
+//! `/v1/session`: logging a browser in and out.
+//!
+//! The token becomes a cookie that scripts cannot read and that is sent only with requests of this
+//! server's own pages. Images and event streams, which cannot have an `Authorization` header, work with
+//! it. The server keeps nothing.
+
+use super::error::Problem;
+use super::extract::Body;
+use super::guard::refused;
+use super::state::State;
+use crate::access::{COOKIE, Credentials};
+use crate::net::Peer;
+use axum::Extension;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse as _, Response};
+use lexsplat_proto::json::{self, Login};
+
+/// Logs a browser in: the token becomes a cookie.
+#[utoipa::path(
+    post, path = "/v1/session", tag = "session", request_body = Login,
+    responses(
+        (status = 204, description = "logged in: the cookie is set"),
+        (status = 401, description = "the token is not known", body = json::Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn log_in(
+    state: State,
+    peer: Option<Extension<Peer>>,
+    Body(login): Body<Login>,
+) -> Result<Response, Problem> {
+    let is_encrypted = peer.is_some_and(|Extension(peer)| peer.is_encrypted);
+    let secure = if is_encrypted { "; Secure" } else { "" };
+    match state.gate.identify(Credentials { token: Some(&login.token), names: &[] }) {
+        Ok(_) => Ok(cookie(&login.token, secure)),
+        Err(error) => Ok(refused(&error)),
+    }
+}
+
+/// Logs a browser out: the cookie is removed.
+#[utoipa::path(
+    delete, path = "/v1/session", tag = "session",
+    responses((status = 204, description = "logged out: the cookie is removed")),
+)]
+pub(super) async fn log_out() -> Response {
+    cookie("", "; Max-Age=0")
+}
+
+fn cookie(token: &str, more: &str) -> Response {
+    let value = format!("{COOKIE}={token}; Path=/; HttpOnly; SameSite=Strict{more}");
+    (StatusCode::NO_CONTENT, [(header::SET_COOKIE, value)]).into_response()
+}
