@@ -4,11 +4,12 @@
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, frame_message::Message};
 use lexsplat_server::access::{Scope, issue};
-use lexsplat_tests::{Server, first_error, tiny_config};
+use lexsplat_tests::{Server, first_error, program, tiny_config};
 use reqwest::{Method, RequestBuilder, StatusCode, header};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Duration;
 use tonic::transport::Channel;
 use tonic::{Code, Request, Status};
@@ -386,5 +387,33 @@ async fn a_browser_logs_in_with_a_cookie_that_scripts_cannot_read() {
     let out = asking.http.delete(asking.server.url("/v1/session")).send().await.expect("an answer");
     let cookie = out.headers()[header::SET_COOKIE].to_str().expect("text").to_owned();
     assert!(cookie.contains("Max-Age=0"), "{cookie}");
+    asking.server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_command_line_sends_its_token_and_never_shows_it() {
+    let asking = Asking::start(&[]).await;
+    let reader = token(&asking.file, "reader", &[Scope::Read], "*");
+    asking.until(&reader, StatusCode::OK).await;
+    let http = asking.server.http.clone();
+    let run = |token: &str, arguments: &[&str]| {
+        let mut command = Command::new(program("lexsplat"));
+        command.env("LEXSPLAT_TOKEN", token).args(arguments);
+        let output = command.output().expect("it runs");
+        let said = [output.stdout, output.stderr].concat();
+        String::from_utf8_lossy(&said).into_owned()
+    };
+    let ask = ["query", "cup", "--map", "kitchen", "--http", &http];
+    for (token, arguments, expected) in [
+        (&*reader, &ask[..], "no map is called \"kitchen\""),
+        ("lexsplat_0", &ask, "not known"),
+        ("two words", &ask, "the token"),
+        (&reader, &["query", "--help"], "LEXSPLAT_TOKEN"),
+        (&reader, &["query", "--no-such-option"], "no-such-option"),
+    ] {
+        let said = run(token, arguments);
+        assert!(said.contains(expected), "{arguments:?}: {said}");
+        assert!(!said.contains(token), "{arguments:?} shows the token: {said}");
+    }
     asking.server.stop().await;
 }

@@ -26,7 +26,9 @@ async fn rest(mut socket: TcpStream) -> String {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn idle_sockets_beyond_the_usual_limit_of_files_stop_nobody() {
-    let server = ServerProcess::with_files(256, &[]);
+    // They are not given up during the test.
+    let server =
+        ServerProcess::with_files(256, &[("LEXSPLAT__CONNECTIONS__HEADER_SECONDS", "3600")]);
     for address in [&server.http, &server.grpc] {
         let mut idle = Vec::new();
         for _ in 0..IDLE {

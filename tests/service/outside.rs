@@ -1,8 +1,39 @@
 //! A client that shares nothing with lexsplat but the wire: Python's gRPC and the server's reflection.
 
+use lexsplat_server::access::{Scope, issue};
 use lexsplat_synthetic as synthetic;
 use lexsplat_tests::{Robot, Server, root, tiny_config};
 use std::process::Command;
+
+/// The example with a token, and without one.
+#[tokio::test(flavor = "multi_thread")]
+async fn python_says_who_it_is() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let plan =
+        synthetic::Plan { seed: 5, frames: 1, every: 1, camera: synthetic::Camera::new(160, 120) };
+    synthetic::write(folder.path(), &plan, |_| {}).expect("the room can be written");
+    let (token, line) = issue("python", &[Scope::Write], "asked", None).expect("a token");
+    let mut config = tiny_config();
+    config.access.entries = vec![line];
+    let server = Server::start(config).await;
+    for (token, map, expected) in [
+        (Some(&*token), "asked", "1 frames tracked"),
+        (Some(&*token), "other", "may not use the map"),
+        (None, "asked", "asks who is calling"),
+    ] {
+        let mut robot = Command::new("python3");
+        robot.env("PYTHONPATH", root().join(".deps/python")).env_remove("LEXSPLAT_TOKEN");
+        robot.arg(root().join("client/examples/robot.py")).arg(folder.path());
+        robot.args(["--server", &server.grpc, "--map", map]);
+        robot.args(token.iter().flat_map(|token| ["--token", token]));
+        let output = robot.output().expect("python3 runs");
+        let said = String::from_utf8_lossy(&output.stdout);
+        let complained = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(expected) || complained.contains(expected), "{said}{complained}");
+        assert_eq!(output.status.success(), expected.contains("tracked"), "{said}{complained}");
+    }
+    server.stop().await;
+}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn python_streams_and_a_heat_map_comes_back_as_npy() {

@@ -80,7 +80,9 @@ async fn both_ports_speak_tls_1_2_and_1_3_and_nothing_else() {
     let folder = tempfile::tempdir().expect("a folder can be made");
     let authority = Authority::new("ours");
     write(folder.path(), &authority.issue(NAME));
-    let server = Server::start(encrypted(folder.path())).await;
+    let mut config = encrypted(folder.path());
+    config.http.hosts = vec!["maps.example.org".into()];
+    let server = Server::start(config).await;
     let (http, grpc) = (format!("https://{}", server.http), format!("https://{}", server.grpc));
     for version in [reqwest::tls::Version::TLS_1_2, reqwest::tls::Version::TLS_1_3] {
         let root = reqwest::Certificate::from_pem(authority.pem().as_bytes()).expect("it is PEM");
@@ -105,6 +107,20 @@ async fn both_ports_speak_tls_1_2_and_1_3_and_nothing_else() {
         // Negative control: the same message with TLS 1.2 is answered with a handshake.
         assert_eq!(answer(address, &hello(3)).await.0, HANDSHAKE);
     }
+    // A browser that came by a name comes back by TLS only; an address is not pinned.
+    let root = reqwest::Certificate::from_pem(authority.pem().as_bytes()).expect("it is PEM");
+    let client = reqwest::Client::builder().add_root_certificate(root).build().expect("a client");
+    for (host, is_pinned) in [("maps.example.org", true), (NAME, false), ("localhost", false)] {
+        let request = client.get(format!("{http}/healthz")).header("host", host);
+        let reply = request.send().await.expect("an answer");
+        assert!(reply.status().is_success(), "{host}: {}", reply.status());
+        let found = reply.headers().contains_key("strict-transport-security");
+        assert_eq!(found, is_pinned, "{host}");
+    }
+    let log_in = client.post(format!("{http}/v1/session"));
+    let reply = log_in.json(&serde_json::json!({"token": "any"})).send().await.expect("an answer");
+    let cookie = reply.headers()["set-cookie"].to_str().expect("text");
+    assert!(cookie.contains("Secure"), "{cookie}");
     opens(&grpc, &trusts(&authority)).await.expect("gRPC by TLS");
     let client = HttpClient::with_access(&http, &trusts(&authority)).expect("right");
     client.health().await.expect("HTTP by TLS");

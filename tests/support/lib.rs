@@ -9,7 +9,7 @@ mod robot;
 mod server;
 
 pub use authority::{Authority, Certified};
-pub use process::ServerProcess;
+pub use process::{ServerProcess, program};
 pub use robot::{Robot, raw};
 pub use server::{Server, first_error, tiny_config};
 

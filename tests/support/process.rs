@@ -15,11 +15,11 @@ pub struct ServerProcess {
     pub http: String,
 }
 
-/// The program that the same build made, beside the test's folder.
-fn program() -> PathBuf {
+/// A program that the same build made, beside the test's folder.
+pub fn program(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("a test knows its program");
     let deps = test.parent().expect("it lies in deps/");
-    let program = deps.parent().expect("deps/ lies in the build folder").join("lexsplat-server");
+    let program = deps.parent().expect("deps/ lies in the build folder").join(name);
     assert!(program.exists(), "{} is missing: cargo build --workspace --bins", program.display());
     program
 }
@@ -27,13 +27,15 @@ fn program() -> PathBuf {
 impl ServerProcess {
     /// Starts with `configs/tiny.toml` and these settings (`LEXSPLAT__SECTION__KEY`), waits until it is ready.
     pub fn start(settings: &[(&str, &str)]) -> Self {
-        Self::run(Command::new(program()), settings)
+        Self::run(Command::new(program("lexsplat-server")), settings)
     }
 
     /// The same with at most this many open files, as `ulimit -Sn` sets it.
     pub fn with_files(files: u32, settings: &[(&str, &str)]) -> Self {
         let mut command = Command::new("sh");
-        command.args(["-c", &format!("ulimit -Sn {files} && exec \"$0\" \"$@\"")]).arg(program());
+        command
+            .args(["-c", &format!("ulimit -Sn {files} && exec \"$0\" \"$@\"")])
+            .arg(program("lexsplat-server"));
         Self::run(command, settings)
     }
 

@@ -42,7 +42,14 @@ pub(super) async fn guard(
             next.run(request).await
         }
         Err(error) => {
-            tracing::info!(method = %request.method(), path = path.as_str(), %error, "a request was refused");
+            let (method, path) = (request.method(), path.as_str());
+            match error {
+                // Every visit of the dashboard begins so.
+                AccessError::NoToken => {
+                    tracing::debug!(%method, path, "nobody said who is calling")
+                }
+                _ => tracing::info!(%method, path, %error, "a request was refused"),
+            }
             refused(&error)
         }
     }

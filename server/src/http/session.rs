@@ -11,7 +11,7 @@ use super::state::State;
 use crate::access::{COOKIE, Credentials};
 use crate::net::Peer;
 use axum::Extension;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 use lexsplat_proto::json::{self, Login};
 
@@ -26,9 +26,13 @@ use lexsplat_proto::json::{self, Login};
 pub(super) async fn log_in(
     state: State,
     peer: Option<Extension<Peer>>,
+    headers: HeaderMap,
     Body(login): Body<Login>,
 ) -> Result<Response, Problem> {
-    let is_encrypted = peer.is_some_and(|Extension(peer)| peer.is_encrypted);
+    // A proxy may speak TLS in the server's place: then the page's origin tells.
+    let origin = headers.get(header::ORIGIN).map(HeaderValue::as_bytes).unwrap_or_default();
+    let is_encrypted =
+        peer.is_some_and(|Extension(peer)| peer.is_encrypted) || origin.starts_with(b"https://");
     let secure = if is_encrypted { "; Secure" } else { "" };
     match state.gate.identify(Credentials { token: Some(&login.token), names: &[] }) {
         Ok(_) => Ok(cookie(&login.token, secure)),

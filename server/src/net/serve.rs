@@ -25,8 +25,10 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 use tower::Service as _;
 
-/// HTTP/2 flow-control window of a request, bytes: about one uncompressed frame.
+/// HTTP/2 flow-control window of a gRPC call, bytes: about one uncompressed frame.
 const WINDOW_BYTES: u32 = 4 << 20;
+/// Largest head of an HTTP/1 request, bytes.
+const HEAD_BYTES: usize = 64 << 10;
 /// Wait after the system has no place for another connection.
 const PAUSE: Duration = Duration::from_secs(1);
 /// Least time between log lines about refused connections.
@@ -199,16 +201,17 @@ fn builder(protocol: Protocol, limits: &ConnectionsConfig) -> Builder<TokioExecu
     builder
         .http1()
         .timer(TokioTimer::new())
+        .max_buf_size(HEAD_BYTES)
         .header_read_timeout(Duration::from_secs(limits.header_seconds));
     builder
         .http2()
         .timer(TokioTimer::new())
         .max_concurrent_streams(limits.max_requests)
-        .initial_stream_window_size(WINDOW_BYTES)
         .keep_alive_interval(Duration::from_secs(limits.keepalive_seconds))
         .keep_alive_timeout(Duration::from_secs(limits.keepalive_timeout_seconds));
-    match protocol {
-        Protocol::Grpc => builder.http2_only(),
-        Protocol::Http => builder,
+    if protocol == Protocol::Http {
+        return builder;
     }
+    builder.http2().initial_stream_window_size(WINDOW_BYTES);
+    builder.http2_only()
 }
