@@ -5,7 +5,6 @@
 
 mod error;
 mod event;
-mod frame_times;
 mod status;
 
 pub use error::MapError;
@@ -13,11 +12,12 @@ pub(super) use event::Message;
 pub use event::{MapEvent, NumberedEvent};
 pub use status::MapStatus;
 
+use super::checkpoint::{Checkpoint, Progress};
 use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
+use super::frame_times::FrameTimes;
 use super::input_warning::InputWarning;
 use super::live_map::LiveMap;
 use super::snapshot::MapSnapshot;
-use frame_times::FrameTimes;
 use status::Counters;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -146,6 +146,30 @@ impl Map {
         Ok(StreamGuard { map: self.clone() })
     }
 
+    /// As [`Map::claim`], to go on with the last stream: the camera is where it was.
+    ///
+    /// # Errors
+    /// As [`Map::claim`].
+    pub fn reclaim(self: &Arc<Self>, intrinsics: Intrinsics) -> Result<StreamGuard, MapError> {
+        let guard = self.claim(intrinsics)?;
+        let mut shared = self.shared();
+        shared.streams = shared.streams.saturating_sub(1).max(1);
+        drop(shared);
+        Ok(guard)
+    }
+
+    /// Copies the whole state of the map, from which it can be continued exactly. With the clock `per_frame`
+    /// this waits for the steps and the language of the last frame.
+    ///
+    /// # Errors
+    /// The reason, if the map has failed or was stopped.
+    pub async fn save(&self) -> Result<Checkpoint, String> {
+        let (reply, saved) = oneshot::channel();
+        let stopped = || self.failure().unwrap_or_else(|| "it was stopped".into());
+        self.messages.send(Message::Save(reply)).await.map_err(|_| stopped())?;
+        saved.await.map_err(|_| stopped())?
+    }
+
     /// Sends a frame to the map's thread; waits while the queue is full. The receiver resolves when the frame
     /// was mapped; it is closed if the thread stopped first. A frame whose time is not later than the newest
     /// frame's gets another time (`frame_times.rs`).
@@ -164,10 +188,11 @@ impl Map {
             .expect("the semaphore of a map is never closed");
         let (reply, outcome) = oneshot::channel();
         let (sequence, intrinsics) = (frame.sequence, frame.intrinsics);
-        let stream = self.give_time(&mut frame);
+        let (stream, times) = self.give_time(&mut frame);
         let frame = Box::new(frame);
         self.counters.unsettled.fetch_add(1, Ordering::AcqRel);
-        if self.messages.send(Message::Frame { frame, stream, permit, reply }).await.is_err() {
+        let message = Message::Frame { frame, stream, times, permit, reply };
+        if self.messages.send(message).await.is_err() {
             self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
             let reason = self.shared().failure.clone().unwrap_or_else(|| "it was stopped".into());
             return Err(MapError::Failed { name: self.name.clone(), reason });
@@ -180,8 +205,8 @@ impl Map {
     }
 
     /// Makes the frame's time later than the newest frame's. Returns the number of its stream, which is
-    /// warned once.
-    fn give_time(&self, frame: &mut Frame) -> u64 {
+    /// warned once, and the times up to it.
+    fn give_time(&self, frame: &mut Frame) -> (u64, FrameTimes) {
         let mut shared = self.shared();
         let given = frame.timestamp_nanos;
         frame.timestamp_nanos = shared.times.next(given);
@@ -195,7 +220,7 @@ impl Map {
                 "timestamp_nanos is not later than the frame before: the map uses times of its own"
             );
         }
-        stream
+        (stream, shared.times)
     }
 
     /// Counts a frame that did not pass the checks.
@@ -237,6 +262,37 @@ impl Map {
             recording_damage: shared.recording_damage.clone(),
             input_warnings: shared.input_warnings.clone(),
         }
+    }
+
+    /// Called by the map's thread: adds what is only known here to how far the map has come.
+    pub(super) fn save_progress(&self, progress: &mut Progress) {
+        let shared = self.shared();
+        progress.intrinsics = shared.intrinsics;
+        progress.input_warnings.clone_from(&shared.input_warnings);
+        progress.next_event = shared.next_event;
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        progress.frames_tracked = read(&self.counters.tracked);
+        progress.frames_lost = read(&self.counters.lost);
+        progress.frames_refused = read(&self.counters.refused);
+    }
+
+    /// Puts back what [`Map::save_progress`] and the thread saved, before the first frame.
+    pub(super) fn restore_progress(&self, progress: Progress, tracking: TrackingState) {
+        let Progress { through, stream, times, intrinsics, input_warnings, next_event, .. } = progress;
+        let Progress { frames_tracked, frames_lost, frames_refused, .. } = progress;
+        let write = |counter: &AtomicU64, value| counter.store(value, Ordering::Relaxed);
+        write(&self.counters.received, frames_tracked + frames_lost);
+        write(&self.counters.tracked, frames_tracked);
+        write(&self.counters.lost, frames_lost);
+        write(&self.counters.refused, frames_refused);
+        let mut shared = self.shared();
+        shared.tracking = tracking;
+        shared.input_warnings = input_warnings;
+        shared.intrinsics = intrinsics;
+        shared.received_through = through;
+        shared.streams = stream;
+        shared.times = times;
+        shared.next_event = next_event;
     }
 
     /// The sending end of the thread's messages.

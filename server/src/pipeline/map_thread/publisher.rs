@@ -61,6 +61,21 @@ impl Publisher {
             self.gaussians = Arc::new(live.gaussians.to_host()?);
             live.revision += 1;
         }
+        self.show(live, map);
+        Ok(())
+    }
+
+    /// Gives readers a map that was put back, with the revision that it had.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn restore(&mut self, live: &LiveMap, map: &Map) -> Result<(), GpuError> {
+        self.gaussians = Arc::new(live.gaussians.to_host()?);
+        self.show(live, map);
+        Ok(())
+    }
+
+    fn show(&mut self, live: &LiveMap, map: &Map) {
         map.count_contents(live);
         map.publish(MapSnapshot {
             map: map.name().to_owned(),
@@ -73,7 +88,6 @@ impl Publisher {
         });
         (self.gaussians_changed, self.poses_changed) = (false, false);
         self.published_at = Instant::now();
-        Ok(())
     }
 }
 
