@@ -3,7 +3,7 @@
 use super::error::Problem;
 use super::extract::{Body, NamedMap, Segments};
 use super::state::State;
-use super::to_json::{keyframe, status};
+use super::to_json::{keyframe, listed, status};
 use crate::export;
 use axum::Json;
 use axum::http::{StatusCode, header};
@@ -31,7 +31,7 @@ pub(super) async fn create(
 /// Lists all maps.
 #[utoipa::path(get, path = "/v1/maps", tag = "maps", responses((status = 200, body = Maps)))]
 pub(super) async fn list(state: State) -> Json<Maps> {
-    Json(Maps { maps: state.engine().maps().iter().map(|map| status(map.status())).collect() })
+    Json(Maps { maps: state.maps.list().into_iter().map(listed).collect() })
 }
 
 /// The status of a map.

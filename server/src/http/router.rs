@@ -15,7 +15,6 @@ use axum::response::{IntoResponse as _, Response};
 use axum::routing::get;
 use std::any::Any;
 use std::sync::Arc;
-use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
@@ -25,15 +24,13 @@ use tower_http::trace::TraceLayer;
 pub(crate) struct Context {
     pub(crate) maps: RecordedMaps,
     pub(crate) config: HttpConfig,
-    /// False while maps are rebuilt from their logs.
-    pub(crate) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops; ends the streams of events.
     pub(crate) stopping: CancellationToken,
 }
 
 /// All routes, those of the dashboard included.
 pub(crate) fn router(context: Context) -> Router {
-    let Context { maps, config, ready, stopping } = context;
+    let Context { maps, config, stopping } = context;
     let cors = cors(&config.cors_origins);
     let shared = Arc::new(Shared {
         answers: AnswerCache::new(config.recent_answers, config.recent_answers_bytes),
@@ -41,7 +38,6 @@ pub(crate) fn router(context: Context) -> Router {
         last_file: FileCache::default(),
         maps,
         config,
-        ready,
         stopping,
     });
     let router = Router::new()

@@ -9,14 +9,11 @@ use crate::maps::RecordedMaps;
 use crate::pipeline::engine::Engine;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 pub(super) struct Shared {
     pub(super) maps: RecordedMaps,
     pub(super) config: HttpConfig,
-    /// False while maps are rebuilt from their logs.
-    pub(super) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops.
     pub(super) stopping: CancellationToken,
     pub(super) answers: AnswerCache,

@@ -1,6 +1,7 @@
 //! Pipeline types as JSON types.
 
 use crate::export;
+use crate::maps::{Listed, LoadProgress};
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::input_warning::InputWarning;
 use crate::pipeline::map::MapStatus;
@@ -9,8 +10,34 @@ use crate::pipeline::snapshot::KeyframeInfo;
 use lexsplat_proto::json;
 use nalgebra::Isometry3;
 
+/// A map in the list of maps.
+pub(super) fn listed(listed: Listed) -> json::Status {
+    let state = match listed.loading {
+        Some(_) => json::MapState::Loading,
+        None => state(&listed.status),
+    };
+    let loading = listed.loading.map(progress);
+    json::Status { state, loading, ..status(listed.status) }
+}
+
+fn state(status: &MapStatus) -> json::MapState {
+    if status.failure.is_some() { json::MapState::Failed } else { json::MapState::Ready }
+}
+
+pub(super) fn progress(progress: LoadProgress) -> json::LoadProgress {
+    let LoadProgress { frames_done, frames_total } = progress;
+    json::LoadProgress { frames_done, frames_total }
+}
+
+/// A map that is being loaded, for the readiness of the server.
+pub(super) fn map_loading(map: String, loaded: LoadProgress) -> json::MapLoading {
+    json::MapLoading { map, progress: progress(loaded) }
+}
+
 pub(super) fn status(status: MapStatus) -> json::Status {
     json::Status {
+        state: state(&status),
+        loading: None,
         name: status.name,
         revision: status.revision,
         frames_received: status.frames_received,

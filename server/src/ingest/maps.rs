@@ -4,6 +4,7 @@ use super::context::Context;
 use super::status;
 use crate::check;
 use crate::export::{self, Format};
+use crate::maps::Listed;
 use crate::pipeline::input_warning::{InputProblem, InputWarning};
 use crate::pipeline::map::MapStatus;
 use lexsplat_proto::v1;
@@ -25,8 +26,18 @@ pub(super) async fn delete(context: &Context, name: &str) -> Result<(), Status> 
     context.maps.delete(name).await.map_err(|error| status::of_maps(&error, "name"))
 }
 
+/// A map in the list of maps.
+pub(super) fn wire_listed(listed: Listed) -> v1::MapStatus {
+    let loading = listed.loading.map(|progress| v1::LoadProgress {
+        frames_done: progress.frames_done,
+        frames_total: progress.frames_total,
+    });
+    v1::MapStatus { loading, ..wire_status(listed.status) }
+}
+
 pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
     v1::MapStatus {
+        loading: None,
         name: status.name,
         revision: status.revision,
         frames_received: status.frames_received,
@@ -68,7 +79,7 @@ pub(super) async fn export(
     context: &Context,
     request: v1::ExportRequest,
 ) -> Result<ReceiverStream<Result<v1::Chunk, Status>>, Status> {
-    let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+    let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
     let text = (!request.text.is_empty()).then_some(&*request.text);
     let options = check::mesh_options(request.voxel_metres, text)

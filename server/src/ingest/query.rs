@@ -16,7 +16,7 @@ pub(super) async fn answer(
     request: v1::QueryRequest,
 ) -> Result<v1::QueryResponse, Status> {
     let started = Instant::now();
-    let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+    let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
     let question = Question::from_wire(request, &context.limits)
         .map_err(|refusal| status::refused(&refusal))?;
     let engine = context.maps.engine();

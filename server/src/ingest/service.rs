@@ -118,7 +118,7 @@ impl Mapping for MappingService {
         request: Request<v1::GetMapRequest>,
     ) -> Result<Response<v1::MapStatus>, Status> {
         let name = request.into_inner().name;
-        let map = self.0.maps.get(&name).map_err(|error| status::of_map(&error, "name"))?;
+        let map = self.0.maps.get(&name).map_err(|error| status::of_maps(&error, "name"))?;
         Ok(Response::new(maps::wire_status(map.status())))
     }
 
@@ -126,8 +126,7 @@ impl Mapping for MappingService {
         &self,
         _request: Request<v1::ListMapsRequest>,
     ) -> Result<Response<v1::ListMapsResponse>, Status> {
-        let maps =
-            self.0.maps.engine().maps().iter().map(|map| maps::wire_status(map.status())).collect();
+        let maps = self.0.maps.list().into_iter().map(maps::wire_listed).collect();
         Ok(Response::new(v1::ListMapsResponse { maps }))
     }
 

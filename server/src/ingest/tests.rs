@@ -1,7 +1,7 @@
 //! Tests of streams and calls over a real socket, with a real pipeline.
 
 use super::{IngestConfig, MappingService};
-use crate::maps::{RecordedMaps, replay};
+use crate::maps::{RecordedMaps, load_all};
 use crate::store::Store;
 use crate::test_support::{config, engine, frame, open_message};
 use lexsplat_proto::v1::mapping_client::MappingClient;
@@ -208,7 +208,7 @@ async fn durable_frames_come_back_after_a_restart() {
     {
         let store = Store::open(Some(folder.path())).unwrap();
         let maps = RecordedMaps::new(engine(), store);
-        replay(&maps, &config().ingest.limits()).await.unwrap();
+        load_all(&maps, &config().ingest.limits()).await.unwrap();
     }
     let server = Server::start(Some(folder.path())).await;
     let map = engine().map("ingest-durable").unwrap();

@@ -21,8 +21,8 @@ use super::input_warning::InputWarning;
 use super::quantile::median;
 use pose_check::PoseCheck;
 use registration::RegistrationCheck;
-use small_frame::{Glance, SmallFrame};
 use serde::{Deserialize, Serialize};
+use small_frame::{Glance, SmallFrame};
 use std::collections::VecDeque;
 
 /// Frames that are examined at most; each differs from the one before.

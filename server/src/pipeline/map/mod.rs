@@ -278,7 +278,8 @@ impl Map {
 
     /// Puts back what [`Map::save_progress`] and the thread saved, before the first frame.
     pub(super) fn restore_progress(&self, progress: Progress, tracking: TrackingState) {
-        let Progress { through, stream, times, intrinsics, input_warnings, next_event, .. } = progress;
+        let Progress { through, stream, times, intrinsics, input_warnings, next_event, .. } =
+            progress;
         let Progress { frames_tracked, frames_lost, frames_refused, .. } = progress;
         let write = |counter: &AtomicU64, value| counter.store(value, Ordering::Relaxed);
         write(&self.counters.received, frames_tracked + frames_lost);

@@ -26,7 +26,13 @@ pub(super) struct LanguageRequests {
 impl LanguageRequests {
     /// `messages`: where answers go, the queue of the map's own thread.
     pub fn new(thread: Arc<LanguageThread>, messages: mpsc::Sender<Message>) -> Self {
-        Self { thread, messages, waiting: VecDeque::new(), in_flight: VecDeque::new(), awaits_room: false }
+        Self {
+            thread,
+            messages,
+            waiting: VecDeque::new(),
+            in_flight: VecDeque::new(),
+            awaits_room: false,
+        }
     }
 
     /// Whether a keyframe waits for the networks or is with them.

@@ -341,3 +341,6 @@ impl MapThread {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -26,9 +26,9 @@ impl Tracker {
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn restore(&mut self, saved: TrackerState) -> Result<(), GpuError> {
         let TrackerState { motion, exposure, state, judge, young, last } = saved;
-        let stray = young.stray().map(|frame| {
-            DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width)
-        });
+        let stray = young
+            .stray()
+            .map(|frame| DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width));
         let camera = last.as_ref().map(|(image, _)| image).or(stray.as_ref()).map(|im| &im.camera);
         if let Some(camera) = camera {
             self.aligner = FrameAligner::new(&self.gpu, camera, &self.config)?;
