@@ -15,6 +15,7 @@ mod labels;
 mod load;
 mod memory;
 mod outside;
+mod restart;
 mod shutdown;
 mod tracking;
 mod wide_steps;

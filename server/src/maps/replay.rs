@@ -3,9 +3,11 @@
 use super::places::Load;
 use crate::check::{self, Limits, Opening};
 use crate::pipeline::engine::Engine;
+use crate::pipeline::frame::FrameOutcome;
 use crate::pipeline::map::{Map, StreamGuard};
 use crate::store::{Damage, Entry, Records, StoreError};
 use lexsplat_proto::v1::{self, frame_message::Message};
+use tokio::sync::oneshot;
 
 /// What became of a recording.
 pub(super) struct Replayed {
@@ -29,6 +31,8 @@ pub(super) struct Replay<'a> {
     /// The right to send frames, once there is one to send.
     sender: Option<StreamGuard>,
     frames: u64,
+    /// Resolves when the newest frame is mapped.
+    newest: Option<oneshot::Receiver<FrameOutcome>>,
     /// Frames that did not pass the checks.
     skipped: u64,
 }
@@ -51,11 +55,13 @@ impl<'a> Replay<'a> {
             opened: None,
             sender: None,
             frames: 0,
+            newest: None,
             skipped: 0,
         }
     }
 
-    /// Damage is reported, and frames behind it are used.
+    /// Ends when all frames are mapped; the optimiser may still have steps to take. Damage is reported, and
+    /// frames behind it are used.
     ///
     /// # Errors
     /// The reason why the map cannot be rebuilt.
@@ -82,6 +88,9 @@ impl<'a> Replay<'a> {
                     tracing::error!(map, %file, from_byte, to_byte, "a recording is damaged");
                 }
             }
+        }
+        if let Some(newest) = self.newest.take() {
+            newest.await.map_err(|_| "the map ended before all frames were mapped".to_owned())?;
         }
         // Frees the map for its next sender.
         self.sender = None;
@@ -125,7 +134,8 @@ impl<'a> Replay<'a> {
                 return Ok(());
             }
         };
-        sender.map().submit(frame).await.map_err(|error| error.to_string())?;
+        let outcome = sender.map().submit(frame).await.map_err(|error| error.to_string())?;
+        self.newest = Some(outcome);
         self.frames += 1;
         self.load.set_done(self.had + self.frames);
         Ok(())
