@@ -9,6 +9,7 @@ pub mod config;
 mod export;
 mod http;
 mod ingest;
+mod inspect;
 mod maps;
 pub mod pipeline;
 mod query_id;
@@ -19,6 +20,7 @@ mod test_support;
 mod web;
 
 pub use config::Config;
+pub use inspect::inspect;
 
 use ingest::{IngestError, MappingService};
 use maps::RecordedMaps;
@@ -141,7 +143,7 @@ fn keep_maps(maps: &RecordedMaps, config: &Config, stopping: &CancellationToken)
     let mut background = JoinSet::new();
     for _ in 0..MAPS_LOADED_AT_ONCE {
         let limits = config.ingest.limits();
-        background.spawn(maps::load_in_turn(maps.clone(), limits, stopping.clone()));
+        background.spawn(maps::keep_loading(maps.clone(), limits, stopping.clone()));
     }
     let pause = Duration::from_secs(config.server.checkpoint_seconds);
     if !pause.is_zero() {

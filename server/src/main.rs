@@ -1,10 +1,10 @@
 //! The `lexsplat-server` binary: reads the settings and runs [`lexsplat_server`].
 
 use anyhow::Context as _;
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use lexsplat_gpu::{AdapterReport, Gpu, Tier};
 use lexsplat_server::pipeline::engine::Engine;
-use lexsplat_server::{Config, Listeners, Ready, serve, telemetry};
+use lexsplat_server::{Config, Listeners, Ready, inspect, serve, telemetry};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -42,12 +42,25 @@ struct Arguments {
     /// Print the GPU adapters of this machine and how the server would use them, and exit
     #[arg(long)]
     adapters: bool,
+    #[command(subcommand)]
+    task: Option<Task>,
+}
+
+/// What to do instead of serving.
+#[derive(Subcommand)]
+enum Task {
+    /// Read all recordings and checkpoints of a data directory, print what is damaged, and exit with
+    /// status 1 if something is
+    Check {
+        /// The data directory; a server may be using it
+        dir: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     match start(arguments) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => status,
         Err(error) => {
             // The error with all its causes on one line.
             let line = format!("{error:#}").replace('\n', " ");
@@ -57,22 +70,28 @@ fn main() -> ExitCode {
     }
 }
 
-fn start(arguments: Arguments) -> anyhow::Result<()> {
+fn start(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    if let Some(Task::Check { dir }) = &arguments.task {
+        let is_good = inspect(dir, &mut std::io::stdout().lock())?;
+        return Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE });
+    }
     if arguments.adapters {
-        return print_adapters();
+        print_adapters()?;
+        return Ok(ExitCode::SUCCESS);
     }
     let print = arguments.print_config;
     let config = settings(arguments)?;
     if print {
         print!("{}", toml::to_string(&config).context("cannot write the settings as TOML")?);
-        return Ok(());
+        return Ok(ExitCode::SUCCESS);
     }
     telemetry::start_logs(&config.telemetry)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
         .context("cannot start the runtime")?;
-    runtime.block_on(run(config))
+    runtime.block_on(run(config))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Prints a table of the adapters, best first.

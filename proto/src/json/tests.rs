@@ -22,6 +22,8 @@ fn answer() -> Answer {
         text: "cup".into(),
         map: "room".into(),
         revision: 3,
+        through: Some(5),
+        settled: true,
         present: true,
         confidence: 0.75,
         coverage: 1.0,
@@ -37,7 +39,7 @@ fn answer() -> Answer {
 }
 
 const ANSWER_JSON: &str = concat!(
-    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"present":true,"#,
+    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"through":5,"settled":true,"present":true,"#,
     r#""confidence":0.75,"coverage":1.0,"threshold":0.5"#
 );
 
@@ -97,6 +99,8 @@ fn segmentations() {
         texts: vec!["cup".into(), "sofa".into()],
         map: "room".into(),
         revision: 3,
+        through: Some(5),
+        settled: true,
         coverage: 1.0,
         threshold: 0.5,
         legend: vec![entry],
@@ -107,7 +111,8 @@ fn segmentations() {
     let json = format!(
         "{}{TIMING_JSON}}}",
         concat!(
-            r#"{"query_id":"q","texts":["cup","sofa"],"map":"room","revision":3,"coverage":1.0,"#,
+            r#"{"query_id":"q","texts":["cup","sofa"],"map":"room","revision":3,"through":5,"#,
+            r#""settled":true,"coverage":1.0,"#,
             r##""threshold":0.5,"legend":[{"label":1,"text":"cup","color":"#e6194b","share":0.5}],"##,
             r#""labels":{"width":64,"height":48,"url":"/l"},"timing_ms":"#
         )

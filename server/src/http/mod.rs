@@ -6,6 +6,7 @@
 
 mod answer_cache;
 mod answers;
+mod backup;
 mod config;
 mod error;
 mod event_log;
@@ -18,6 +19,7 @@ mod map;
 mod openapi;
 mod query;
 mod range;
+mod reading;
 mod render;
 mod router;
 mod state;

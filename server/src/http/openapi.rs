@@ -1,6 +1,6 @@
 //! `GET /openapi.json`: the OpenAPI 3.1 document, generated from the annotations of the handlers.
 
-use super::{answers, events, export, health, map, query, render};
+use super::{answers, backup, events, export, health, map, query, render};
 use axum::Json;
 use lexsplat_proto::json;
 use utoipa::OpenApi;
@@ -30,6 +30,8 @@ use utoipa::OpenApi;
         render::of_frame,
         render::of_view,
         export::file,
+        backup::take,
+        backup::put,
         events::stream,
     ),
     components(schemas(

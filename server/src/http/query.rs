@@ -1,7 +1,8 @@
 //! `POST /v1/maps/{name}/query`: answering questions.
 
 use super::error::Problem;
-use super::extract::{Body, NamedMap};
+use super::extract::{Body, NamedMap, Options};
+use super::reading::WaitOptions;
 use super::state::State;
 use super::to_json;
 use crate::check::Question;
@@ -14,7 +15,7 @@ use std::time::Instant;
 /// Asks a map in plain words.
 #[utoipa::path(
     post, path = "/v1/maps/{name}/query", tag = "query",
-    params(("name" = String, Path, description = "name of the map")),
+    params(("name" = String, Path, description = "name of the map"), WaitOptions),
     request_body = json::Question,
     responses(
         (status = 200, body = json::Reply),
@@ -25,21 +26,26 @@ use std::time::Instant;
 pub(super) async fn ask(
     state: State,
     NamedMap(map): NamedMap,
+    Options(options): Options<WaitOptions>,
     Body(question): Body<json::Question>,
 ) -> Result<Json<json::Reply>, Problem> {
     let started = Instant::now();
-    let reply = match Question::from_json(question, state.config.max_render_pixels)? {
+    let question = Question::from_json(question, state.config.max_render_pixels)?;
+    let reading = options.read(&map).await?;
+    let snapshot = reading.snapshot.clone();
+    let reply = match question {
         Question::Text(query) => {
             let text = query.text.clone();
-            let mut answer = state.in_time(state.engine().query(&map, query)).await??;
-            let reply = to_json::answer(query_id(), text, map.name(), &answer);
+            let mut answer =
+                state.in_time(state.engine().query_snapshot(snapshot, query)).await??;
+            let reply = to_json::answer(query_id(), text, &reading, &answer);
             state.answers.keep(&reply.query_id, map.name(), &mut answer);
             json::Reply::Answer(reply)
         }
         Question::Texts(request) => {
             let texts = request.texts.clone();
-            let found = state.in_time(state.engine().segment(&map, request)).await??;
-            let reply = to_json::segmentation(query_id(), texts, map.name(), &found);
+            let found = state.in_time(state.engine().segment(snapshot, request)).await??;
+            let reply = to_json::segmentation(query_id(), texts, &reading, &found);
             state.answers.keep_labels(&reply.query_id, map.name(), found);
             json::Reply::Segmentation(reply)
         }

@@ -6,11 +6,11 @@ use super::error::Problem;
 use super::event_log::EventLogs;
 use super::file_cache::FileCache;
 use super::state::Shared;
-use super::{answers, events, export, health, map, openapi, query, render};
+use super::{answers, backup, events, export, health, map, openapi, query, render};
 use crate::maps::RecordedMaps;
 use crate::web;
 use axum::Router;
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::get;
 use std::any::Any;
@@ -55,6 +55,7 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/v1/maps/{name}/trajectory", get(map::trajectory))
         .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))
         .route("/v1/maps/{name}/export/{file}", get(export::file))
+        .route("/v1/maps/{name}/backup", get(backup::take).put(backup::put))
         .route("/v1/maps/{name}/events", get(events::stream))
         .method_not_allowed_fallback(method_not_allowed)
         .fallback(not_found)
@@ -98,6 +99,13 @@ fn cors(origins: &[String]) -> Option<CorsLayer> {
             .allow_origin(allowed)
             .allow_methods([Method::GET, Method::POST, Method::DELETE])
             .allow_headers([header::CONTENT_TYPE, header::ACCEPT, header::RANGE])
-            .expose_headers([header::ETAG, header::CONTENT_RANGE]),
+            .expose_headers([
+                header::ETAG,
+                header::CONTENT_RANGE,
+                header::RETRY_AFTER,
+                HeaderName::from_static("lexsplat-revision"),
+                HeaderName::from_static("lexsplat-through"),
+                HeaderName::from_static("lexsplat-settled"),
+            ]),
     )
 }

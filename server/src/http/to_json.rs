@@ -4,7 +4,7 @@ use crate::export;
 use crate::maps::{Listed, LoadProgress};
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::input_warning::InputWarning;
-use crate::pipeline::map::MapStatus;
+use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing};
 use crate::pipeline::snapshot::KeyframeInfo;
 use lexsplat_proto::json;
@@ -87,12 +87,20 @@ pub(super) fn rows(transform: &Isometry3<f64>) -> [f64; 16] {
 }
 
 /// An answer as JSON; the heat map and the points become links with `query_id`.
-pub(super) fn answer(query_id: String, text: String, map: &str, answer: &Answer) -> json::Answer {
+pub(super) fn answer(
+    query_id: String,
+    text: String,
+    reading: &Reading,
+    answer: &Answer,
+) -> json::Answer {
+    let map = &reading.snapshot.map;
     let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
     json::Answer {
         text,
-        map: map.into(),
+        map: map.clone(),
         revision: answer.revision,
+        through: reading.snapshot.through,
+        settled: reading.settled,
         present: answer.present,
         confidence: answer.confidence,
         coverage: answer.coverage,
@@ -141,9 +149,10 @@ fn object(found: &Object) -> json::Object {
 pub(super) fn segmentation(
     query_id: String,
     texts: Vec<String>,
-    map: &str,
+    reading: &Reading,
     found: &Segmentation,
 ) -> json::Segmentation {
+    let map = &reading.snapshot.map;
     let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
     let entry = |(at, (text, &share)): (usize, (&String, &f32))| {
         let [red, green, blue] = export::label_color(at + 1);
@@ -153,8 +162,10 @@ pub(super) fn segmentation(
     json::Segmentation {
         legend: texts.iter().zip(&found.shares).enumerate().map(entry).collect(),
         texts,
-        map: map.into(),
+        map: map.clone(),
         revision: found.revision,
+        through: reading.snapshot.through,
+        settled: reading.settled,
         coverage: found.coverage,
         threshold: found.threshold,
         labels: found.image.as_ref().map(|image| {

@@ -6,11 +6,12 @@ use crate::check;
 use crate::export::{self, Format};
 use crate::maps::Listed;
 use crate::pipeline::input_warning::{InputProblem, InputWarning};
-use crate::pipeline::map::MapStatus;
+use crate::pipeline::map::{MapStatus, Reading};
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::Status;
+use tonic::metadata::MetadataValue;
+use tonic::{Response, Status};
 
 /// Bytes in a chunk of an exported file.
 const CHUNK_BYTES: usize = 256 << 10;
@@ -78,13 +79,16 @@ pub(super) fn wire_warnings(warnings: Vec<InputWarning>) -> Vec<v1::InputWarning
 pub(super) async fn export(
     context: &Context,
     request: v1::ExportRequest,
-) -> Result<ReceiverStream<Result<v1::Chunk, Status>>, Status> {
+) -> Result<Response<ReceiverStream<Result<v1::Chunk, Status>>>, Status> {
     let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
     let text = (!request.text.is_empty()).then_some(&*request.text);
     let options = check::mesh_options(request.voxel_metres, text)
         .map_err(|refusal| status::refused(&refusal))?;
-    let file = export::file(context.maps.engine(), map.snapshot(), format, options)
+    let wait = check::wait(Some(&request.wait), request.min_sequence, request.wait_seconds)
+        .map_err(|refusal| status::refused(&refusal))?;
+    let reading = map.read(&wait).await;
+    let file = export::file(context.maps.engine(), reading.snapshot.clone(), format, options)
         .await
         .map_err(|error| status::of_export(&error))?;
     let mut file = prost::bytes::Bytes::from(file);
@@ -97,5 +101,16 @@ pub(super) async fn export(
             }
         }
     });
-    Ok(ReceiverStream::new(stream))
+    let mut response = Response::new(ReceiverStream::new(stream));
+    let metadata = response.metadata_mut();
+    let Reading { snapshot, settled } = reading;
+    metadata.insert("lexsplat-revision", snapshot.revision.into());
+    metadata.insert(
+        "lexsplat-settled",
+        MetadataValue::from_static(if settled { "true" } else { "false" }),
+    );
+    if let Some(through) = snapshot.through {
+        metadata.insert("lexsplat-through", through.into());
+    }
+    Ok(response)
 }

@@ -143,6 +143,6 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::ExportRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
-        maps::export(&self.0, request.into_inner()).await.map(Response::new)
+        maps::export(&self.0, request.into_inner()).await
     }
 }

@@ -12,8 +12,19 @@ use std::sync::Arc;
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+/// Loads maps, one after the other, until the server stops.
+pub(crate) async fn keep_loading(maps: RecordedMaps, limits: Limits, stopping: CancellationToken) {
+    while !stopping.is_cancelled() {
+        load_in_turn(maps.clone(), limits, stopping.clone()).await;
+        tokio::select! {
+            () = maps.places().changed() => {}
+            () = stopping.cancelled() => {}
+        }
+    }
+}
+
 /// Loads all maps that wait, one after the other, until none is left or the server stops.
-pub(crate) async fn load_in_turn(maps: RecordedMaps, limits: Limits, stopping: CancellationToken) {
+async fn load_in_turn(maps: RecordedMaps, limits: Limits, stopping: CancellationToken) {
     while let Some((name, load)) = maps.places().next() {
         let stop = load.cancelled.clone();
         tokio::select! {
@@ -58,6 +69,9 @@ async fn load_one(maps: &RecordedMaps, limits: &Limits, name: &str, load: &Arc<L
                 if !words.is_empty() {
                     map.note_damage(words.join("; "));
                 }
+                if replayed.is_saved {
+                    maps.note_saved(name, (map.received_through(), map.status().revision));
+                }
             }
             Ok(())
         }
@@ -87,8 +101,9 @@ async fn rebuild(
     let restored = restore(maps, name, load).await?;
     let mut replay = Replay::new(maps.engine(), limits, load, restored.map.as_deref());
     let replayed = replay.run(name, records).await?;
+    let is_saved = restored.map.is_some() && replayed.frames == 0;
     let words = restored.words.into_iter().chain(replayed.words).collect();
-    Ok(Replayed { words, ..replayed })
+    Ok(Replayed { words, is_saved, ..replayed })
 }
 
 /// A map that was made of a checkpoint, and what is wrong with others, in words.

@@ -4,6 +4,7 @@
 //! server starts, maps are loaded here, in the order in which they are asked for: the newest checkpoint, then
 //! the frames that were recorded after it. Checkpoints are written while the server runs and when it stops.
 
+mod backup;
 mod error;
 mod load;
 mod places;
@@ -11,10 +12,11 @@ mod recorded;
 mod replay;
 mod save;
 
+pub(crate) use backup::{BackupError, backup, restore};
 pub(crate) use error::MapsError;
+pub(crate) use load::keep_loading;
 #[cfg(test)]
 pub(crate) use load::load_all;
-pub(crate) use load::load_in_turn;
 pub(crate) use places::LoadProgress;
 pub(crate) use recorded::{Listed, RecordedMaps, Recording};
 pub(crate) use save::{save_all, save_every};

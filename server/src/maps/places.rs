@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
 /// How far a map is loaded.
@@ -88,11 +89,35 @@ struct Inner {
 
 /// All maps that are not in the engine.
 #[derive(Default)]
-pub(super) struct Places(Mutex<Inner>);
+pub(super) struct Places {
+    inner: Mutex<Inner>,
+    changed: Notify,
+}
+
+/// A name that is taken for a map that is not there yet.
+pub(super) struct Reserved {
+    places: Arc<Places>,
+    name: String,
+    load: Arc<Load>,
+}
+
+impl Reserved {
+    /// The map's files are there now: it waits to be loaded.
+    pub fn fill(self) {
+        self.places.add([self.name.clone()]);
+    }
+}
+
+impl Drop for Reserved {
+    fn drop(&mut self) {
+        // Does nothing if the map is there.
+        self.places.ended(&self.name, &self.load, Ok(()));
+    }
+}
 
 impl Places {
     fn locked(&self) -> MutexGuard<'_, Inner> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Adds maps that wait to be loaded.
@@ -102,6 +127,8 @@ impl Places {
             inner.others.push_back(name.clone());
             inner.places.insert(name, Place::Waiting);
         }
+        drop(inner);
+        self.changed.notify_one();
     }
 
     /// Whether a map may be used. One that waits is loaded before those that nobody asked for.
@@ -121,6 +148,25 @@ impl Places {
             inner.asked.extend(asked);
         }
         Err(MapsError::Loading { name: name.to_owned(), progress })
+    }
+
+    /// Takes a name that is free for a map that will be put there, until the guard is dropped.
+    ///
+    /// # Errors
+    /// [`MapError::AlreadyExists`].
+    pub fn reserve(self: &Arc<Self>, name: &str) -> Result<Reserved, MapError> {
+        let mut inner = self.locked();
+        if inner.places.contains_key(name) {
+            return Err(MapError::AlreadyExists { name: name.to_owned() });
+        }
+        let load = Arc::new(Load::default());
+        inner.places.insert(name.to_owned(), Place::Loading(load.clone()));
+        Ok(Reserved { places: self.clone(), name: name.to_owned(), load })
+    }
+
+    /// Resolves when there may be a map to load.
+    pub async fn changed(&self) {
+        self.changed.notified().await;
     }
 
     /// The next map to be loaded.

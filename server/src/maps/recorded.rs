@@ -1,7 +1,7 @@
 //! Creating, opening and deleting maps with their recordings.
 
 use super::error::MapsError;
-use super::places::{LoadProgress, Place, Places, not_rebuilt};
+use super::places::{LoadProgress, Place, Places, Reserved, not_rebuilt};
 use crate::check::Opening;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};
@@ -62,6 +62,18 @@ impl RecordedMaps {
     pub(crate) fn find_recordings(&self) -> Result<(), StoreError> {
         self.places.add(self.store.maps()?);
         Ok(())
+    }
+
+    /// Takes a name that no map has, for one that will be put there.
+    ///
+    /// # Errors
+    /// [`MapError::AlreadyExists`].
+    pub(super) fn reserve(&self, name: &str) -> Result<Reserved, MapsError> {
+        let reserved = self.places.reserve(name)?;
+        if self.engine.map(name).is_ok() || self.store.has(name) {
+            return Err(MapError::AlreadyExists { name: name.to_owned() }.into());
+        }
+        Ok(reserved)
     }
 
     /// The map called `name`. One that waits is loaded before those that nobody asked for.

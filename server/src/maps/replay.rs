@@ -13,6 +13,8 @@ use tokio::sync::oneshot;
 pub(super) struct Replayed {
     /// Frames sent to the mapper.
     pub frames: u64,
+    /// Whether a checkpoint has all of them.
+    pub is_saved: bool,
     /// What is wrong with it, beside damage that was set aside.
     pub words: Vec<String>,
 }
@@ -98,7 +100,8 @@ impl<'a> Replay<'a> {
         let words = (skipped > 0).then(|| {
             format!("{skipped} recorded frame(s) do not pass the checks and are not in the map: see the log")
         });
-        Ok(Replayed { frames: self.frames, words: words.into_iter().collect() })
+        let words = words.into_iter().collect();
+        Ok(Replayed { frames: self.frames, is_saved: false, words })
     }
 
     async fn frame(&mut self, map: &str, wire: v1::Frame) -> Result<(), String> {

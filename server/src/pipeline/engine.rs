@@ -200,18 +200,10 @@ impl Engine {
         Ok(())
     }
 
-    /// Answers a question from the map's newest snapshot.
+    /// Answers a question from a snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the question.
-    pub async fn query(&self, map: &Map, query: Query) -> Result<Answer, QueryError> {
-        self.query_snapshot(map.snapshot(), query).await
-    }
-
-    /// Answers a question from a given snapshot.
-    ///
-    /// # Errors
-    /// As [`Engine::query`].
     pub async fn query_snapshot(
         &self,
         snapshot: Arc<MapSnapshot>,
@@ -220,16 +212,16 @@ impl Engine {
         self.query.ask(snapshot, query).await
     }
 
-    /// Compares several texts with each other in the map's newest snapshot.
+    /// Compares several texts with each other in a snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the texts.
     pub async fn segment(
         &self,
-        map: &Map,
+        snapshot: Arc<MapSnapshot>,
         request: SegmentationRequest,
     ) -> Result<Segmentation, QueryError> {
-        self.query.segment(map.snapshot(), request).await
+        self.query.segment(snapshot, request).await
     }
 
     /// Renders the map's newest snapshot.
@@ -299,7 +291,11 @@ fn fingerprint(config: &PipelineConfig, bundle: &str) -> String {
     Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn check_name(name: &str) -> Result<(), MapError> {
+/// Whether a map may have this name.
+///
+/// # Errors
+/// [`MapError::InvalidName`].
+pub(crate) fn check_name(name: &str) -> Result<(), MapError> {
     let good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
     if name.is_empty()
         || name.len() > MAX_NAME_BYTES

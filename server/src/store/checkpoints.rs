@@ -55,6 +55,16 @@ pub(crate) enum CheckpointFault {
     Damaged(String),
 }
 
+/// Whether a file of this name is a checkpoint.
+pub(super) fn is_one(name: &str) -> bool {
+    number(name, ENDING).is_some()
+}
+
+/// The number in `checkpoint-NUMBER` with this ending.
+fn number(name: &str, ending: &str) -> Option<u64> {
+    name.strip_prefix(PREFIX)?.strip_suffix(ending)?.parse().ok()
+}
+
 /// The checkpoints in a map's folder, newest first.
 ///
 /// # Errors
@@ -72,8 +82,7 @@ fn numbered(folder: &Path, ending: &str) -> Result<Vec<(u64, PathBuf)>, StoreErr
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         let name = entry.file_name();
-        let number = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(ending));
-        if let Some(number) = number.and_then(|number| number.parse().ok()) {
+        if let Some(number) = name.to_str().and_then(|name| number(name, ending)) {
             found.push((number, entry.path()));
         }
     }

@@ -9,22 +9,26 @@
 //! Each frame is a chunk with a checksum, and on disk before it is mapped or acknowledged. What a crash left
 //! of a frame is cut off. Any other damage is reported, what is whole is used, and the file is set aside.
 
+mod backup;
 mod checkpoints;
 mod directory;
 mod error;
+mod examine;
 mod messages;
 mod reader;
 mod recording;
 mod writer;
 
+pub(crate) use backup::{Backup, BackupFault};
 pub(crate) use checkpoints::{CheckpointFault, CheckpointReader, Label};
 pub(crate) use error::StoreError;
+pub(crate) use examine::{MapReport, examine};
 pub(crate) use reader::{Damage, Entry};
 pub(crate) use recording::{Recorder, Records};
 
 use directory::Directory;
 use lexsplat_proto::v1;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -77,6 +81,11 @@ impl Store {
         self.directory.as_ref().map_or(Ok(Vec::new()), |directory| directory.maps())
     }
 
+    /// Whether frames are recorded.
+    pub(crate) fn is_recording(&self) -> bool {
+        self.directory.is_some()
+    }
+
     /// Whether there is a folder for the map.
     pub(crate) fn has(&self, map: &str) -> bool {
         self.directory.as_ref().is_some_and(|directory| directory.map(map).is_dir())
@@ -112,6 +121,30 @@ impl Store {
         let Some(directory) = &self.directory else { return Ok(Vec::new()) };
         let folder = directory.map(map);
         if folder.is_dir() { checkpoints::list(&folder) } else { Ok(Vec::new()) }
+    }
+
+    /// Opens the files of a map for a backup; `None` if the map has none.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn backup(&self, map: &str) -> Result<Option<Backup>, StoreError> {
+        let Some(directory) = self.directory.as_ref().filter(|_| self.has(map)) else {
+            return Ok(None);
+        };
+        let backup = Backup::open(&directory.map(map))?;
+        Ok(Some(backup).filter(|backup| !backup.is_empty()))
+    }
+
+    /// Unpacks a backup, checks it, and makes it the folder of a map that has none; as a whole or not at
+    /// all. Returns `false` if nothing is recorded here.
+    ///
+    /// # Errors
+    /// [`BackupFault`].
+    pub(crate) fn restore(&self, map: &str, tar: impl Read) -> Result<bool, BackupFault> {
+        let Some(directory) = &self.directory else { return Ok(false) };
+        backup::unpack(&directory.unfinished(map), tar)?;
+        directory.finish(map)?;
+        Ok(true)
     }
 
     /// Files of a map's recording that were damaged and set aside.

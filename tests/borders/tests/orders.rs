@@ -82,7 +82,7 @@ pub const CRATES: &[Declared] = &[
             &["export"],
             &["check"],
             &["store"],
-            &["maps"],
+            &["inspect", "maps"],
             &["ingest", "http"],
             &["config"],
             &["lib"],

@@ -5,11 +5,13 @@
 
 mod error;
 mod event;
+mod reading;
 mod status;
 
 pub use error::MapError;
 pub(super) use event::Message;
 pub use event::{MapEvent, NumberedEvent};
+pub use reading::{Reading, Wait};
 pub use status::MapStatus;
 
 use super::checkpoint::{Checkpoint, Progress};
@@ -21,7 +23,7 @@ use super::snapshot::MapSnapshot;
 use status::Counters;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
-use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
+use tokio::sync::{Notify, Semaphore, broadcast, mpsc, oneshot, watch};
 
 /// Events that a watcher may fall behind before it misses some.
 const EVENT_BACKLOG: usize = 256;
@@ -53,6 +55,8 @@ pub struct Map {
     messages: mpsc::Sender<Message>,
     watchers: broadcast::Sender<NumberedEvent>,
     snapshot: watch::Sender<Arc<MapSnapshot>>,
+    /// Told when readers may have something to see that they wait for.
+    progressed: Notify,
     counters: Counters,
     shared: Mutex<Shared>,
 }
@@ -72,6 +76,7 @@ impl Map {
             messages,
             watchers: broadcast::Sender::new(EVENT_BACKLOG),
             snapshot: watch::Sender::new(Arc::new(empty)),
+            progressed: Notify::new(),
             counters: Counters::default(),
             shared: Mutex::new(Shared {
                 tracking: TrackingState::Empty,
@@ -102,6 +107,32 @@ impl Map {
     /// The newest snapshot.
     pub fn snapshot(&self) -> Arc<MapSnapshot> {
         self.snapshot.borrow().clone()
+    }
+
+    /// The newest snapshot, once it is what `wait` asks for or the time is over. A map that has failed is not
+    /// waited for.
+    pub async fn read(&self, wait: &Wait) -> Reading {
+        let deadline = tokio::time::Instant::now() + wait.longest;
+        loop {
+            let progressed = self.progressed.notified();
+            tokio::pin!(progressed);
+            progressed.as_mut().enable();
+            // In this order: a settled map has its last snapshot.
+            let settled = self.is_settled();
+            let reading = Reading { snapshot: self.snapshot(), settled };
+            if reading.is_enough(wait) || self.failure().is_some() {
+                return reading;
+            }
+            if tokio::time::timeout_at(deadline, progressed).await.is_err() {
+                return reading;
+            }
+        }
+    }
+
+    /// Whether no frame waits and no work is left.
+    fn is_settled(&self) -> bool {
+        self.counters.unsettled.load(Ordering::Acquire) == 0
+            && !self.counters.working.load(Ordering::Acquire)
     }
 
     /// Receives events from now on.
@@ -238,8 +269,7 @@ impl Map {
         let (queue_depth, queue_capacity) = self.queue();
         let counters = &self.counters;
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        let settled = counters.unsettled.load(Ordering::Acquire) == 0
-            && !counters.working.load(Ordering::Acquire);
+        let settled = self.is_settled();
         let shared = self.shared();
         MapStatus {
             name: self.name.clone(),
@@ -304,6 +334,7 @@ impl Map {
     /// Called by the map's thread: whether work is left beside frames that wait.
     pub(super) fn set_working(&self, working: bool) {
         self.counters.working.store(working, Ordering::Release);
+        self.progressed.notify_waiters();
     }
 
     /// Called by the map's thread: a frame is discarded because the map has failed.
@@ -359,6 +390,7 @@ impl Map {
             keyframes: snapshot.keyframes.len(),
         };
         self.snapshot.send_replace(Arc::new(snapshot));
+        self.progressed.notify_waiters();
         self.announce(event);
     }
 
@@ -370,6 +402,7 @@ impl Map {
     /// The map takes no more frames from now on.
     pub(super) fn fail(&self, reason: String) {
         self.shared().failure = Some(reason);
+        self.progressed.notify_waiters();
     }
 
     fn announce(&self, event: MapEvent) {

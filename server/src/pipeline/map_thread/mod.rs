@@ -185,6 +185,9 @@ impl MapThread {
             outcome.keyframe = mapped.is_keyframe;
             outcome.world_from_camera = Some(mapped.world_from_camera);
             self.optimise_behind_frame()?;
+        } else {
+            // Readers are told that the frame came.
+            self.publisher.poses_changed();
         }
         self.map.finish_frame(&outcome);
         // An error means that the sender is gone. Its frame is in the map all the same.
@@ -337,7 +340,8 @@ impl MapThread {
             return Ok(());
         }
         timed(SNAPSHOT_SECONDS, || {
-            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map)
+            let through = self.progress.through;
+            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map, through)
         })
     }
 }

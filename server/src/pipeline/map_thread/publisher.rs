@@ -46,7 +46,7 @@ impl Publisher {
         self.published_at.elapsed()
     }
 
-    /// Gives readers the map as it is now. Waits for the optimiser steps in flight.
+    /// Gives readers the map as it is now, after the frame `through`. Waits for the optimiser steps in flight.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
@@ -55,13 +55,14 @@ impl Publisher {
         live: &mut LiveMap,
         trainer: &mut Trainer,
         map: &Map,
+        through: Option<u64>,
     ) -> Result<(), GpuError> {
         if self.gaussians_changed {
             trainer.settle(&mut live.gaussians)?;
             self.gaussians = Arc::new(live.gaussians.to_host()?);
             live.revision += 1;
         }
-        self.show(live, map);
+        self.show(live, map, through);
         Ok(())
     }
 
@@ -69,17 +70,23 @@ impl Publisher {
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn restore(&mut self, live: &LiveMap, map: &Map) -> Result<(), GpuError> {
+    pub fn restore(
+        &mut self,
+        live: &LiveMap,
+        map: &Map,
+        through: Option<u64>,
+    ) -> Result<(), GpuError> {
         self.gaussians = Arc::new(live.gaussians.to_host()?);
-        self.show(live, map);
+        self.show(live, map, through);
         Ok(())
     }
 
-    fn show(&mut self, live: &LiveMap, map: &Map) {
+    fn show(&mut self, live: &LiveMap, map: &Map, through: Option<u64>) {
         map.count_contents(live);
         map.publish(MapSnapshot {
             map: map.name().to_owned(),
             revision: live.revision,
+            through,
             gaussians: self.gaussians.clone(),
             online: Arc::from(live.online.boxed_clone()),
             intrinsics: live.keyframes.iter().next().map(|keyframe| keyframe.intrinsics),

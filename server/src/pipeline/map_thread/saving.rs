@@ -83,7 +83,7 @@ impl MapThread {
         core.waiting_for_language.into_iter().for_each(|frame| self.language.push(frame));
         self.progress = core.progress.clone();
         self.map.restore_progress(core.progress, self.tracker.state());
-        self.publisher.restore(&self.live, &self.map).map_err(on_device)?;
+        self.publisher.restore(&self.live, &self.map, self.progress.through).map_err(on_device)?;
         self.language.send(&self.live.keyframes);
         self.map.set_working(!self.is_idle());
         Ok(())

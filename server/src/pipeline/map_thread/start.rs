@@ -47,6 +47,7 @@ pub(in super::super) fn spawn(
     let empty = MapSnapshot {
         map: name.to_owned(),
         revision: 0,
+        through: None,
         gaussians: Arc::new(HostGaussians::default()),
         online: Arc::from(online.boxed_clone()),
         intrinsics: None,
