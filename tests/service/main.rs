@@ -1,6 +1,7 @@
 //! A server with everything in it, and its clients.
 
 mod backpressure;
+mod backup;
 mod bad_input;
 mod budget;
 mod bundles;
@@ -15,6 +16,7 @@ mod labels;
 mod load;
 mod memory;
 mod outside;
+mod reads;
 mod restart;
 mod shutdown;
 mod tracking;

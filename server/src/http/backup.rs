@@ -10,6 +10,7 @@ use axum::response::IntoResponse;
 use futures::StreamExt as _;
 use lexsplat_proto::json;
 use std::io::{Read, Write};
+use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
@@ -17,6 +18,9 @@ use tokio_stream::wrappers::ReceiverStream;
 const PART_BYTES: usize = 256 << 10;
 /// Parts that may wait for the reader.
 const BACKLOG: usize = 4;
+/// What is read of an archive after it was refused, at most.
+const DRAINED_BYTES: usize = 64 << 20;
+const DRAINED_WITHIN: Duration = Duration::from_secs(10);
 
 /// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile.
 #[utoipa::path(
@@ -67,17 +71,24 @@ pub(super) async fn put(
     let (parts, received) = mpsc::channel(BACKLOG);
     let mut stream = body.into_data_stream();
     let receiving = tokio::spawn(async move {
+        let mut unwanted = 0;
         while let Some(part) = stream.next().await {
-            let part = part.map_err(std::io::Error::other);
-            if parts.send(part).await.is_err() {
-                return;
+            let bytes = part.as_ref().map_or(0, Bytes::len);
+            if parts.send(part.map_err(std::io::Error::other)).await.is_err() {
+                unwanted += bytes;
+                if unwanted > DRAINED_BYTES {
+                    return;
+                }
             }
         }
     });
     let restored =
         maps::restore(&state.maps, name, Received { parts: received, left: Bytes::new() });
     let restored = restored.await;
-    receiving.abort();
+    if restored.is_err() {
+        // A client that is still sending would not see the answer.
+        let _ = tokio::time::timeout(DRAINED_WITHIN, receiving).await;
+    }
     restored?;
     Ok((StatusCode::CREATED, [(header::LOCATION, format!("/v1/maps/{name}"))]))
 }

@@ -69,6 +69,7 @@ impl Backup {
             tar.append_data(&mut header, name, Exactly { file, left: bytes })?;
         }
         let mut header = tar::Header::new_gnu();
+        header.set_size(0);
         header.set_mode(0o644);
         header.set_mtime(now);
         tar.append_data(&mut header, END, std::io::empty())?;
