@@ -11,7 +11,9 @@ pub mod train;
 
 pub use adapter::{AdapterReport, selftest};
 pub use device::{Buffer, Gpu, GpuError, KernelTime, SOFTWARE_SUBGROUP, Tier};
-pub use map::{Gaussians, Head, HeadKind, HostGaussians, HostHead, MAX_CHANNELS, Parameters};
+pub use map::{
+    Gaussians, Head, HeadKind, HostGaussians, HostHead, MAX_CHANNELS, Parameters, SavedGaussians,
+};
 pub use pass::{
     Camera, ColorImage, Contribution, Drawn, HeadGradient, LanguageImage, Renderer, Workload,
 };

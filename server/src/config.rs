@@ -74,6 +74,9 @@ pub struct ServerConfig {
     /// Directory for the recordings of accepted frames; absent: nothing is recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data_dir: Option<PathBuf>,
+    /// Time between two checkpoints of a map that changes, seconds; 0: only when the server stops. After a
+    /// crash, the frames since the last one are mapped again.
+    pub checkpoint_seconds: u64,
     /// How long open calls may take to finish when the server stops, seconds.
     pub shutdown_seconds: u64,
     /// Certificates for both ports; absent: connections are not encrypted.
@@ -87,6 +90,7 @@ impl Default for ServerConfig {
             grpc: "127.0.0.1:50051".into(),
             http: "127.0.0.1:8080".into(),
             data_dir: None,
+            checkpoint_seconds: 60,
             shutdown_seconds: 30,
             tls: None,
         }

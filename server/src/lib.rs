@@ -11,6 +11,7 @@ mod export;
 mod file_watch;
 mod http;
 mod ingest;
+mod inspect;
 mod maps;
 mod net;
 pub mod pipeline;
@@ -22,6 +23,7 @@ mod test_support;
 mod web;
 
 pub use config::Config;
+pub use inspect::inspect;
 
 use access::{AccessConfig, EntriesError, Exposed, Gate};
 use ingest::{IngestError, MappingService};
@@ -33,9 +35,11 @@ use std::sync::Arc;
 use std::time::Duration;
 use store::{Store, StoreError};
 use tokio::net::TcpListener;
-use tokio::sync::watch;
 use tokio::task::{JoinError, JoinSet};
 use tokio_util::sync::CancellationToken;
+
+/// A map that is asked for need not wait until another one has been rebuilt.
+const MAPS_LOADED_AT_ONCE: usize = 2;
 
 /// The bound listeners of the server.
 pub struct Listeners {
@@ -91,8 +95,8 @@ pub struct Ready {
 
 /// Serves `engine` until `shutdown` resolves, then waits for open calls to finish.
 ///
-/// HTTP is served at once. gRPC is served, and `on_ready` called, when the maps have been rebuilt
-/// from their recordings.
+/// HTTP and gRPC are served, and `on_ready` called, at once. Maps of the data directory are loaded
+/// meanwhile, those first that are asked for; a call that needs one of them is told to wait.
 ///
 /// # Errors
 /// [`RunError`] if the data directory cannot be used or a listener fails.
@@ -110,15 +114,14 @@ pub async fn serve(
     net::raise_limit(config.connections.max);
     let store = Store::open(config.server.data_dir.as_deref())?;
     let maps = RecordedMaps::new(engine.clone(), store);
+    maps.find_recordings()?;
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
-    let (is_ready, ready_state) = watch::channel(false);
     let router = http::router(http::Context {
         maps: maps.clone(),
         gate: gate.clone(),
         config: config.http.clone(),
         body_limit: Duration::from_secs(config.connections.body_seconds),
-        ready: ready_state,
         stopping: stopping.clone(),
     });
     follow_files(&gate, tls.as_ref(), &stopping);
@@ -129,27 +132,20 @@ pub async fn serve(
     };
     let mut parts = JoinSet::new();
     parts.spawn(port(Protocol::Http, listeners.http, router));
-    tokio::pin!(shutdown);
-    let limits_of_frames = config.ingest.limits();
-    let rebuilt = tokio::select! {
-        rebuilt = maps::replay(&maps, &limits_of_frames) => rebuilt.map(|()| true)?,
-        () = &mut shutdown => false,
+    let service = MappingService::new(maps.clone(), gate, &config.ingest, stopping.clone());
+    parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
+    let background = keep_maps(&maps, &config, &stopping);
+    on_ready(&ready(&engine, addresses));
+    let first = tokio::select! {
+        () = shutdown => None,
+        ended = parts.join_next() => ended,
     };
-    let mut first = None;
-    if rebuilt {
-        let service = MappingService::new(maps, gate, &config.ingest, stopping.clone());
-        parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
-        is_ready.send_replace(true);
-        on_ready(&ready(&engine, addresses));
-        tokio::select! {
-            () = &mut shutdown => {}
-            ended = parts.join_next() => first = ended,
-        }
-    }
     tracing::info!("stopping: waiting for open calls");
     stopping.cancel();
     let patience = Duration::from_secs(config.server.shutdown_seconds);
     let ended = tokio::time::timeout(patience, all_ended(first, parts)).await;
+    background.join_all().await;
+    maps::save_all(&maps).await;
     engine.shutdown().await;
     ended.unwrap_or_else(|_| {
         tracing::warn!(?patience, "some calls did not finish in time and were cut off");
@@ -189,6 +185,20 @@ fn gate(
         );
     }
     Ok(Gate::new(config.clone())?)
+}
+
+/// Loads maps and writes checkpoints in the background, until the server stops.
+fn keep_maps(maps: &RecordedMaps, config: &Config, stopping: &CancellationToken) -> JoinSet<()> {
+    let mut background = JoinSet::new();
+    for _ in 0..MAPS_LOADED_AT_ONCE {
+        let limits = config.ingest.limits();
+        background.spawn(maps::keep_loading(maps.clone(), limits, stopping.clone()));
+    }
+    let pause = Duration::from_secs(config.server.checkpoint_seconds);
+    if !pause.is_zero() {
+        background.spawn(maps::save_every(maps.clone(), pause, stopping.clone()));
+    }
+    background
 }
 
 type Ended = Result<(), JoinError>;

@@ -5,7 +5,7 @@ use clap::{Parser, Subcommand};
 use lexsplat_gpu::{AdapterReport, Gpu, Tier};
 use lexsplat_server::access::{self, Scope};
 use lexsplat_server::pipeline::engine::Engine;
-use lexsplat_server::{Config, Listeners, Ready, serve, telemetry};
+use lexsplat_server::{Config, Listeners, Ready, inspect, serve, telemetry};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -51,10 +51,19 @@ struct Arguments {
     /// Print the GPU adapters of this machine and how the server would use them, and exit
     #[arg(long)]
     adapters: bool,
+    #[command(subcommand)]
+    task: Option<Task>,
 }
 
+/// What to do instead of serving.
 #[derive(Subcommand)]
-enum Command {
+enum Task {
+    /// Read all recordings and checkpoints of a data directory, print what is damaged, and exit with
+    /// status 1 if something is
+    Check {
+        /// The data directory; a server may be using it
+        dir: PathBuf,
+    },
     Token(NewToken),
 }
 
@@ -79,7 +88,7 @@ struct NewToken {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     match start(arguments) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => status,
         Err(error) => {
             // The error with all its causes on one line.
             let line = format!("{error:#}").replace('\n', " ");
@@ -89,25 +98,35 @@ fn main() -> ExitCode {
     }
 }
 
-fn start(arguments: Arguments) -> anyhow::Result<()> {
-    if let Some(Command::Token(new)) = &arguments.command {
-        return make_token(new);
+fn start(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    match &arguments.task {
+        Some(Task::Token(new)) => {
+            make_token(new)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        Some(Task::Check { dir }) => {
+            let is_good = inspect(dir, &mut std::io::stdout().lock())?;
+            return Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE });
+        }
+        None => {}
     }
     if arguments.adapters {
-        return print_adapters();
+        print_adapters()?;
+        return Ok(ExitCode::SUCCESS);
     }
     let print = arguments.print_config;
     let config = settings(arguments)?;
     if print {
         print!("{}", toml::to_string(&config).context("cannot write the settings as TOML")?);
-        return Ok(());
+        return Ok(ExitCode::SUCCESS);
     }
     telemetry::start_logs(&config.telemetry)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
         .context("cannot start the runtime")?;
-    runtime.block_on(run(config))
+    runtime.block_on(run(config))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Prints the token on standard output and everything else on standard error.

@@ -31,6 +31,10 @@ pub(crate) const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
 pub(crate) const MAPPING_SECONDS: &str = "lexsplat_mapping_seconds";
 /// Histogram: seconds of the online compressor per keyframe, with writing its codes into the map.
 pub(crate) const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
+/// Histogram: seconds to write a checkpoint.
+pub(crate) const CHECKPOINT_SECONDS: &str = "lexsplat_checkpoint_seconds";
+/// Histogram: seconds that a map stands still while its state is copied for a checkpoint.
+pub(crate) const CHECKPOINT_COPY_SECONDS: &str = "lexsplat_checkpoint_copy_seconds";
 /// Histogram: seconds to copy the map into a snapshot for queries.
 pub(crate) const SNAPSHOT_SECONDS: &str = "lexsplat_snapshot_seconds";
 /// Counter: frames that did not pass the checks, by `field`.
@@ -163,6 +167,11 @@ fn describe() {
     metrics::describe_histogram!(
         SNAPSHOT_SECONDS,
         "Seconds to copy the map into a snapshot for queries"
+    );
+    metrics::describe_histogram!(CHECKPOINT_SECONDS, "Seconds to copy and write a checkpoint");
+    metrics::describe_histogram!(
+        CHECKPOINT_COPY_SECONDS,
+        "Seconds that a map stands still while its state is copied for a checkpoint"
     );
     metrics::describe_histogram!(CLOSURE_SECONDS, "Seconds to look for a loop and to close it");
     metrics::describe_counter!(CLOSED_LOOPS, "Loops that were closed and moved the map");

@@ -18,6 +18,14 @@ pub fn config() -> Config {
     Config::load(Some(&tiny)).unwrap()
 }
 
+/// An engine whose maps are the same every time: the clock is `per_frame`.
+pub fn per_frame_engine() -> Engine {
+    let pipeline = config().pipeline();
+    let clock = crate::pipeline::mapper::Clock::PerFrame;
+    let mapper = crate::pipeline::mapper::MapperConfig { clock, ..pipeline.mapper };
+    Engine::start(crate::pipeline::engine::PipelineConfig { mapper, ..pipeline }).unwrap()
+}
+
 /// One pipeline for all tests: loading the networks is slow.
 pub fn engine() -> Arc<Engine> {
     static ENGINE: OnceLock<Arc<Engine>> = OnceLock::new();

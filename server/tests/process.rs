@@ -174,3 +174,33 @@ fn refuses_a_tier_that_the_adapter_cannot_have() {
     assert!(said.contains("LEXSPLAT_TIER") && said.contains("quantum"), "{said}");
     assert!(said.contains("portable"), "it lists the possible tiers: {said}");
 }
+
+#[test]
+fn check_says_what_is_damaged_without_networks() {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let check = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"));
+        command.env("VK_DRIVER_FILES", "/nonexistent").arg("check").arg(folder.path());
+        let output = command.output().expect("it runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let (code, said) = check();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("no map"), "{said}");
+    let map = folder.path().join("kitchen.map");
+    fs::create_dir(&map).expect("it can be made");
+    assert_eq!(check().0, Some(0));
+    fs::write(map.join("checkpoint-0001.lexsplat"), "LXSPCKPT and no more").expect("written");
+    fs::write(map.join("0001.mcap"), "no recording at all").expect("written");
+    let (code, said) = check();
+    assert_eq!(code, Some(1), "{said}");
+    for file in ["kitchen: 0 frames", "DAMAGED", "0001.mcap: bytes 0 to 19", "checkpoint-0001"] {
+        assert!(said.contains(file), "{file} in {said}");
+    }
+    assert_eq!(fs::read(map.join("0001.mcap")).expect("it is there"), b"no recording at all");
+    let missing = Command::new(env!("CARGO_BIN_EXE_lexsplat-server"))
+        .args(["check", "/nonexistent"])
+        .output()
+        .expect("it runs");
+    assert_eq!(missing.status.code(), Some(1));
+}

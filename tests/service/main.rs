@@ -3,6 +3,7 @@
 mod access;
 mod attacks;
 mod backpressure;
+mod backup;
 mod bad_input;
 mod browser;
 mod budget;
@@ -19,6 +20,8 @@ mod labels;
 mod load;
 mod memory;
 mod outside;
+mod reads;
+mod restart;
 mod shutdown;
 mod tls;
 mod tracking;

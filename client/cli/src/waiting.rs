@@ -1,52 +1,71 @@
-//! Waiting until a map has used the frames that were acknowledged. A frame is acknowledged when it is
-//! tracked; its Gaussians and its language come later.
+//! Reading a map once it has used the frames that were acknowledged. A frame is acknowledged when it is
+//! tracked; its Gaussians and its language come later. The server does the waiting.
 
 use anyhow::Result;
 use indicatif::ProgressBar;
-use lexsplat_client::http::{HttpClient, Status};
+use lexsplat_client::access::Access;
+use lexsplat_client::http::{HttpClient, HttpError, ReadOf};
 use std::time::Duration;
+
+const TICK: Duration = Duration::from_millis(120);
 
 /// How long a command waits.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Waiting {
     /// Wait at most this long until the map has used all acknowledged frames; 0: do not wait
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(..=600))]
     wait: u64,
 }
 
 impl Waiting {
-    /// Waits until the map is settled. If it is not in time, says so and what the answer is of.
+    /// A client whose questions and files wait.
     ///
     /// # Errors
-    /// If there is no such map, it has failed, or the server does not answer.
-    pub async fn until_settled(&self, client: &HttpClient, map: &str) -> Result<()> {
-        let spinner = ProgressBar::new_spinner();
-        let settled = client.settled(map, |status| {
-            spinner.set_message(format!("waiting for the map: {}", work(status)));
-            spinner.tick();
-        });
-        let done = tokio::time::timeout(Duration::from_secs(self.wait), settled).await;
-        spinner.finish_and_clear();
-        if let Ok(settled) = done {
-            settled?;
-            return Ok(());
-        }
-        let status = client.status(map).await?;
-        if !status.settled {
-            eprintln!(
-                "note: the map is not settled ({}): this is of revision {}. --wait SECONDS waits longer",
-                work(&status),
-                status.revision
-            );
-        }
-        Ok(())
+    /// If the address or a certificate is wrong.
+    pub fn client(&self, http: &str, access: &Access) -> Result<HttpClient, HttpError> {
+        Ok(HttpClient::with_access(http, access)?.waiting(self.wait))
     }
 }
 
-/// What the map still has to do.
-fn work(status: &Status) -> String {
-    match status.queue_depth {
-        0 => "it is being optimised".into(),
-        frames => format!("{frames} frames wait"),
+/// Shows that a request waits until it is answered.
+pub async fn shown<T>(request: impl Future<Output = T>) -> T {
+    let spinner = ProgressBar::new_spinner().with_message("waiting for the map");
+    spinner.enable_steady_tick(TICK);
+    let answer = request.await;
+    spinner.finish_and_clear();
+    answer
+}
+
+/// Says what an answer or a file is of, if the map was not settled.
+pub fn note(of: &ReadOf) {
+    if let Some(note) = unsettled(of) {
+        eprintln!("note: {note}");
+    }
+}
+
+fn unsettled(of: &ReadOf) -> Option<String> {
+    let frame = match of.through {
+        Some(through) => format!("through frame {through}"),
+        None => "before its first frame".to_owned(),
+    };
+    let revision = of.revision;
+    (!of.settled).then(|| {
+        format!(
+            "the map is not settled: this is of revision {revision}, {frame}. --wait SECONDS waits longer"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_not_settled_is_noted() {
+        let of = ReadOf { revision: 7, through: Some(59), settled: false };
+        let note = unsettled(&of).unwrap();
+        assert!(note.contains("revision 7, through frame 59"), "{note}");
+        assert!(unsettled(&ReadOf { through: None, ..of }).unwrap().contains("before its first"));
+        assert!(unsettled(&ReadOf { settled: true, ..of }).is_none());
     }
 }

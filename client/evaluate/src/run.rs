@@ -49,7 +49,7 @@ pub async fn evaluate(
     let mapped = make_map(&client, recorded.clone(), target, &options, &mut on_step).await?;
 
     let trajectory_tum =
-        String::from_utf8_lossy(&client.trajectory(&target.map).await?).into_owned();
+        String::from_utf8_lossy(&client.trajectory(&target.map).await?.bytes).into_owned();
     let estimate = read_tum(&trajectory_tum).map_err(|reason| EvaluateError::Answer { reason })?;
     let seen = recorded.seen();
     let truth: Vec<StampedPose> = seen.iter().filter_map(|frame| frame.truth).collect();

@@ -4,18 +4,46 @@ use super::error::HttpError;
 use crate::access::{Access, AccessError, Identity, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
-    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, PointsLink, Problem, Question,
+    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Problem, Question,
     Segmentation, Status,
 };
 use reqwest::header::{HeaderMap, HeaderValue};
 use reqwest::{RequestBuilder, Response, Url, header};
 use serde::de::DeserializeOwned;
+use std::time::{Duration, Instant};
 
 /// A client of one server.
 #[derive(Clone, Debug)]
 pub struct HttpClient {
     base: Url,
     client: reqwest::Client,
+    /// How long the server may wait before it reads the map, seconds.
+    wait_seconds: Option<u64>,
+}
+
+/// How long a request waits for a map that the server is loading.
+const LOADING: Duration = Duration::from_secs(600);
+/// Between two tries meanwhile.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// A file of a map, and what it is of.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MapFile {
+    /// The contents.
+    pub bytes: Vec<u8>,
+    /// What they are of.
+    pub of: ReadOf,
+}
+
+/// The state of the map that an answer or a file is of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReadOf {
+    /// Revision of the map.
+    pub revision: u64,
+    /// The newest frame that it had.
+    pub through: Option<u64>,
+    /// Whether it had done its work on all frames that it had received.
+    pub settled: bool,
 }
 
 impl HttpClient {
@@ -40,7 +68,14 @@ impl HttpClient {
         if !["http", "https"].contains(&base.scheme()) || !base.has_host() {
             return Err(wrong());
         }
-        Ok(Self { base, client: client(access)? })
+        Ok(Self { base, client: client(access)?, wait_seconds: None })
+    }
+
+    /// Questions, exports and trajectories wait in the server, at most so long, until the map has done its
+    /// work on all frames that were acknowledged. Afterwards they are of what there is, and say so.
+    #[must_use]
+    pub fn waiting(self, seconds: u64) -> Self {
+        Self { wait_seconds: Some(seconds), ..self }
     }
 
     /// `HOST:PORT`.
@@ -54,6 +89,39 @@ impl HttpClient {
     /// Every [`HttpError`] but `Address`; so do all other requests.
     pub async fn status(&self, map: &str) -> Result<Status, HttpError> {
         self.json(self.client.get(self.url(map, &[]))).await
+    }
+
+    /// All maps, also those that are being loaded.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn maps(&self) -> Result<Vec<Status>, HttpError> {
+        let maps: Maps = self.json(self.client.get(self.path(&["v1", "maps"]))).await?;
+        Ok(maps.maps)
+    }
+
+    /// The recording and the newest checkpoint of a map as one file, part by part.
+    ///
+    /// # Errors
+    /// See [`Self::status`]; and what `write` returns.
+    pub async fn backup<E: From<HttpError>>(
+        &self,
+        map: &str,
+        mut write: impl FnMut(&[u8]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut response = self.send(self.client.get(self.url(map, &["backup"]))).await?;
+        while let Some(part) = response.chunk().await.map_err(|error| self.lost(&error))? {
+            write(&part)?;
+        }
+        Ok(())
+    }
+
+    /// Puts a backup in place as a map whose name is free.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn restore(&self, map: &str, backup: tokio::fs::File) -> Result<(), HttpError> {
+        self.send(self.client.put(self.url(map, &["backup"])).body(backup)).await.map(drop)
     }
 
     /// The server's graphics adapter, networks and version.
@@ -87,7 +155,7 @@ impl HttpClient {
     /// # Errors
     /// See [`Self::status`].
     pub async fn query(&self, map: &str, question: &Question) -> Result<Answer, HttpError> {
-        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+        self.json(self.read(self.client.post(self.url(map, &["query"]))).json(question)).await
     }
 
     /// Labels pixels or Gaussians with several texts.
@@ -95,7 +163,7 @@ impl HttpClient {
     /// # Errors
     /// See [`Self::status`].
     pub async fn segment(&self, map: &str, question: &Question) -> Result<Segmentation, HttpError> {
-        self.json(self.client.post(self.url(map, &["query"])).json(question)).await
+        self.json(self.read(self.client.post(self.url(map, &["query"]))).json(question)).await
     }
 
     /// The labels of a view's pixels in the media type `accept`, such as a PNG with a palette.
@@ -188,8 +256,12 @@ impl HttpClient {
     ///
     /// # Errors
     /// See [`Self::status`].
-    pub async fn trajectory(&self, map: &str) -> Result<Vec<u8>, HttpError> {
-        self.bytes(self.client.get(self.url(map, &["trajectory"]))).await
+    pub async fn trajectory(&self, map: &str) -> Result<MapFile, HttpError> {
+        let request = self.read(self.client.get(self.url(map, &["trajectory"])));
+        let response = self.send(request).await?;
+        let of = read_of(response.headers());
+        let bytes = response.bytes().await.map_err(|error| self.lost(&error))?.into();
+        Ok(MapFile { bytes, of })
     }
 
     /// The map as a file such as `splats.ply`, with options such as `voxel`. `progress` gets the
@@ -203,16 +275,28 @@ impl HttpClient {
         file: &str,
         options: &[(&str, String)],
         mut progress: impl FnMut(u64, Option<u64>),
-    ) -> Result<Vec<u8>, HttpError> {
-        let request = self.client.get(self.url(map, &["export", file])).query(options);
+    ) -> Result<MapFile, HttpError> {
+        let request = self.read(self.client.get(self.url(map, &["export", file]))).query(options);
         let mut response = self.send(request).await?;
+        let of = read_of(response.headers());
         let total = response.content_length();
         let mut bytes = Vec::new();
         while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {
             bytes.extend_from_slice(&chunk);
             progress(bytes.len() as u64, total);
         }
-        Ok(bytes)
+        Ok(MapFile { bytes, of })
+    }
+
+    /// A request that waits as [`Self::waiting`] says.
+    fn read(&self, request: RequestBuilder) -> RequestBuilder {
+        match self.wait_seconds {
+            Some(seconds) => {
+                let seconds = seconds.to_string();
+                request.query(&[("wait", "settled"), ("wait_seconds", &seconds)])
+            }
+            None => request,
+        }
     }
 
     fn url(&self, map: &str, rest: &[&str]) -> Url {
@@ -240,14 +324,25 @@ impl HttpClient {
         Ok(response.bytes().await.map_err(|error| self.lost(&error))?.into())
     }
 
-    async fn send(&self, request: RequestBuilder) -> Result<Response, HttpError> {
-        let response = request.send().await.map_err(|error| self.lost(&error))?;
-        let status = response.status();
-        if status.is_success() {
-            return Ok(response);
+    /// Sends a request; again and again while the map that it needs is being loaded.
+    async fn send(&self, mut request: RequestBuilder) -> Result<Response, HttpError> {
+        let began = Instant::now();
+        loop {
+            let again = request.try_clone();
+            let response = request.send().await.map_err(|error| self.lost(&error))?;
+            let status = response.status();
+            if status.is_success() {
+                return Ok(response);
+            }
+            let body = response.bytes().await.map_err(|error| self.lost(&error))?;
+            let Some(again) = again.filter(|_| is_loading(&body) && began.elapsed() < LOADING)
+            else {
+                let detail = detail(&body, status.as_str());
+                return Err(HttpError::Refused { status: status.as_u16(), detail });
+            };
+            tokio::time::sleep(RETRY).await;
+            request = again;
         }
-        let body = response.bytes().await.map_err(|error| self.lost(&error))?;
-        Err(HttpError::Refused { status: status.as_u16(), detail: detail(&body, status.as_str()) })
     }
 
     fn lost(&self, error: &reqwest::Error) -> HttpError {
@@ -263,6 +358,21 @@ impl HttpClient {
 
     fn broken(&self, reason: String) -> HttpError {
         HttpError::Broken { address: self.address(), reason }
+    }
+}
+
+/// Whether a refusal says that the map is being loaded.
+fn is_loading(body: &[u8]) -> bool {
+    serde_json::from_slice::<Problem>(body).is_ok_and(|problem| problem.progress.is_some())
+}
+
+/// What a file is of, from its headers.
+fn read_of(headers: &header::HeaderMap) -> ReadOf {
+    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+    ReadOf {
+        revision: text("lexsplat-revision").and_then(|text| text.parse().ok()).unwrap_or_default(),
+        through: text("lexsplat-through").and_then(|text| text.parse().ok()),
+        settled: text("lexsplat-settled") == Some("true"),
     }
 }
 

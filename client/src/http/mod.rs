@@ -5,10 +5,10 @@ mod error;
 mod project;
 mod settle;
 
-pub use client::HttpClient;
+pub use client::{HttpClient, MapFile, ReadOf};
 pub use error::HttpError;
 pub use lexsplat_proto::json::{
-    Answer, Bounds, Camera, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry, Object, Peak,
-    PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, View,
+    Answer, Bounds, Camera, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry, MapState,
+    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, View,
 };
 pub use project::project;

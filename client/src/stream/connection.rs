@@ -11,9 +11,15 @@ use crate::access::Access;
 use crate::dataset::{Dataset, Instance, Intrinsics, RgbdFrame};
 use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
 use nalgebra::Isometry3;
+use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::Streaming;
+use tonic::{Code, Streaming};
+
+/// How long opening a map waits for a server that is loading it.
+const LOADING: Duration = Duration::from_secs(600);
+/// Between two tries meanwhile.
+const RETRY: Duration = Duration::from_secs(1);
 
 /// The map that a stream creates or resumes.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,11 +66,30 @@ pub struct FrameStream {
 
 impl FrameStream {
     /// Connects to the server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT` and opens the
-    /// map; at most `queue` frames wait to be sent.
+    /// map; at most `queue` frames wait to be sent. Waits while the server loads the map.
     ///
     /// # Errors
     /// [`ClientError`] if the address is wrong, nothing listens there or the server refuses the map.
     pub async fn open(
+        grpc: &str,
+        access: &Access,
+        spec: MapSpec,
+        queue: usize,
+    ) -> Result<Self, ClientError> {
+        let began = Instant::now();
+        loop {
+            match Self::open_once(grpc, access, spec.clone(), queue).await {
+                Err(ClientError::Refused { code: Code::Unavailable, .. })
+                    if began.elapsed() < LOADING =>
+                {
+                    tokio::time::sleep(RETRY).await;
+                }
+                opened => return opened,
+            }
+        }
+    }
+
+    async fn open_once(
         grpc: &str,
         access: &Access,
         spec: MapSpec,

@@ -31,7 +31,7 @@ pub struct Gaussians {
     capacity: usize,
     pub(super) channels: usize,
     /// Owner of the Gaussians that are appended next.
-    owner: u32,
+    pub(super) owner: u32,
     pub(super) arrays: Option<Arrays>,
     pub(super) tools: Option<Arc<Tools>>,
 }

@@ -8,6 +8,7 @@ mod motion;
 pub mod prune;
 mod rearrange;
 pub(crate) mod rows;
+mod saved;
 #[cfg(test)]
 mod tests;
 mod tools;
@@ -15,5 +16,6 @@ mod tools;
 pub use arrays::{Arrays, Head, HeadKind, Parameters};
 pub use gaussians::{Gaussians, MAX_CHANNELS};
 pub use host::{HostGaussians, HostHead};
+pub use saved::SavedGaussians;
 
 pub(crate) use arrays::MapSlice;

@@ -193,6 +193,11 @@ impl HeadPass {
         self.hit_capacity
     }
 
+    /// Makes the next lists hold this many hits.
+    pub fn set_hit_capacity(&mut self, hits: usize) {
+        self.hit_capacity = hits.max(1);
+    }
+
     /// The projected Gaussians of the last view.
     pub fn projected(&self) -> &Projected {
         &self.forward().projected

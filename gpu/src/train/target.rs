@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::device::{Buffer, Gpu, GpuError, expect_len};
-use crate::map::rows::pad_rows;
+use crate::map::rows::{pad_rows, unpad_rows};
 use crate::shader::layout::Row;
 
 /// Color and depth of one view.
@@ -135,6 +135,15 @@ impl LanguageTarget {
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
         self.inner.rows.size()
+    }
+
+    /// Reads the codes back, height x width x channels.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn read(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
+        let rows = self.inner.rows.read(gpu, self.inner.rows.len())?;
+        Ok(unpad_rows(&rows, self.inner.channels))
     }
 
     pub(crate) fn inner(&self) -> &LanguageInner {

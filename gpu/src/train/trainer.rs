@@ -73,6 +73,19 @@ impl Trainer {
         &mut self.renderer
     }
 
+    /// Number of hits that the lists of the color and of the language head hold. Lists that are full
+    /// make a step wait, so a trainer goes on exactly like another one only with lists as large.
+    pub fn hit_capacities(&self) -> [usize; 2] {
+        [HeadKind::Color, HeadKind::Language].map(|head| self.renderer.head(head).hit_capacity())
+    }
+
+    /// Makes the lists hold as many hits as those of another trainer, from the next step on.
+    pub fn set_hit_capacities(&mut self, hits: [usize; 2]) {
+        for (head, hits) in [HeadKind::Color, HeadKind::Language].into_iter().zip(hits) {
+            self.renderer.head_mut(head).set_hit_capacity(hits);
+        }
+    }
+
     /// Sets which parameters the two heads share, from the next step on.
     pub fn set_ties(&mut self, ties: Ties) {
         self.kernels.ties = ties;

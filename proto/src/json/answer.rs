@@ -12,6 +12,12 @@ pub struct Answer {
     pub map: String,
     /// Revision of the map that the answer was computed from.
     pub revision: u64,
+    /// The newest frame that the map had then; absent before the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub through: Option<u64>,
+    /// Whether the map had done its work on all frames that it had received. If not, the answer may change.
+    #[serde(default)]
+    pub settled: bool,
     /// Whether the map shows what was asked for.
     pub present: bool,
     /// Confidence in `present`, 0 to 1.

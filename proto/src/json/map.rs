@@ -18,6 +18,12 @@ pub struct NewMap {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Status {
     pub name: String,
+    /// Whether the map can be used. While it is loaded, all numbers are 0.
+    #[serde(default)]
+    pub state: MapState,
+    /// How far it is loaded; absent if it is not being loaded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loading: Option<LoadProgress>,
     /// Increases each time the mapper publishes a newer map to queries.
     pub revision: u64,
     /// Frames that passed the checks.
@@ -55,6 +61,30 @@ pub struct Status {
     /// there is none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub input_warnings: Vec<InputWarning>,
+}
+
+/// Whether a map can be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum MapState {
+    /// It takes frames and questions.
+    #[default]
+    Ready,
+    /// It is loaded after a start of the server, or waits for it.
+    Loading,
+    /// It takes no frames: `failure` says why.
+    Failed,
+}
+
+/// How far a map is loaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct LoadProgress {
+    /// Frames that are in the map.
+    pub frames_done: u64,
+    /// Frames in the recording; 0 if they are not counted yet.
+    pub frames_total: u64,
 }
 
 /// What is probably wrong with frames. They are mapped all the same.

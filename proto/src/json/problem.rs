@@ -1,5 +1,6 @@
 //! Errors.
 
+use super::map::LoadProgress;
 use serde::{Deserialize, Serialize};
 
 /// An error as an RFC 9457 problem document (`application/problem+json`).
@@ -22,4 +23,7 @@ pub struct Problem {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(example = "threshold"))]
     pub field: Option<String>,
+    /// With status 503: how far the map is loaded that the request needs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub progress: Option<LoadProgress>,
 }

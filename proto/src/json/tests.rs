@@ -22,6 +22,8 @@ fn answer() -> Answer {
         text: "cup".into(),
         map: "room".into(),
         revision: 3,
+        through: Some(5),
+        settled: true,
         present: true,
         confidence: 0.75,
         coverage: 1.0,
@@ -37,7 +39,7 @@ fn answer() -> Answer {
 }
 
 const ANSWER_JSON: &str = concat!(
-    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"present":true,"#,
+    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"through":5,"settled":true,"present":true,"#,
     r#""confidence":0.75,"coverage":1.0,"threshold":0.5"#
 );
 
@@ -97,6 +99,8 @@ fn segmentations() {
         texts: vec!["cup".into(), "sofa".into()],
         map: "room".into(),
         revision: 3,
+        through: Some(5),
+        settled: true,
         coverage: 1.0,
         threshold: 0.5,
         legend: vec![entry],
@@ -107,7 +111,8 @@ fn segmentations() {
     let json = format!(
         "{}{TIMING_JSON}}}",
         concat!(
-            r#"{"query_id":"q","texts":["cup","sofa"],"map":"room","revision":3,"coverage":1.0,"#,
+            r#"{"query_id":"q","texts":["cup","sofa"],"map":"room","revision":3,"through":5,"#,
+            r#""settled":true,"coverage":1.0,"#,
             r##""threshold":0.5,"legend":[{"label":1,"text":"cup","color":"#e6194b","share":0.5}],"##,
             r#""labels":{"width":64,"height":48,"url":"/l"},"timing_ms":"#
         )
@@ -119,6 +124,8 @@ fn segmentations() {
 fn maps_and_keyframes() {
     let status = Status {
         name: "room".into(),
+        state: MapState::Ready,
+        loading: None,
         revision: 1,
         frames_received: 2,
         frames_tracked: 3,
@@ -139,7 +146,8 @@ fn maps_and_keyframes() {
         input_warnings: Vec::new(),
     };
     let json = concat!(
-        r#"{"name":"room","revision":1,"frames_received":2,"frames_tracked":3,"frames_lost":4,"#,
+        r#"{"name":"room","state":"ready","revision":1,"frames_received":2,"frames_tracked":3,"#,
+        r#""frames_lost":4,"#,
         r#""frames_dropped":5,"frames_refused":6,"keyframes":7,"gaussians":8,"gpu_bytes":9,"#,
         r#""keyframe_bytes":10,"tracking_state":"tracking","olae_version":11,"queue_depth":12,"#,
         r#""queue_capacity":13,"settled":true"#
@@ -188,15 +196,21 @@ fn health_and_problems() {
         bundle: "tiny".into(),
         version: "1".into(),
         warnings: Vec::new(),
+        loading: Vec::new(),
     };
-    let json = r#"{"status":"ready","adapter":"a","bundle":"tiny","version":"1"}"#;
-    assert_json(&health, json);
+    let json = r#"{"status":"ready","adapter":"a","bundle":"tiny","version":"1""#;
+    assert_json(&health, &format!("{json}}}"));
+    let progress = LoadProgress { frames_done: 2, frames_total: 5 };
+    let loading = vec![MapLoading { map: "room".into(), progress }];
+    let loaded = r#""loading":[{"map":"room","frames_done":2,"frames_total":5}]"#;
+    assert_json(&Health { loading, ..health }, &format!("{json},{loaded}}}"));
     let problem = Problem {
         kind: "urn:x".into(),
         title: "Bad Request".into(),
         status: 400,
         detail: "d".into(),
         field: Some("text".into()),
+        progress: None,
     };
     let json = r#"{"type":"urn:x","title":"Bad Request","status":400,"detail":"d","field":"text"}"#;
     assert_json(&problem, json);

@@ -127,6 +127,7 @@ impl Bench {
         Arc::new(MapSnapshot {
             map: "bench".into(),
             revision: 1,
+            through: None,
             gaussians: Arc::new(self.map.clone()),
             online: self.stage.clone(),
             intrinsics: Some(CAMERA),

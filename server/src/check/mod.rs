@@ -18,6 +18,7 @@ mod question;
 mod refusal;
 mod render;
 mod view;
+mod wait;
 
 pub(crate) use frame::frame;
 pub(crate) use limits::Limits;
@@ -26,6 +27,7 @@ pub(crate) use opening::{Opening, opening};
 pub(crate) use question::Question;
 pub(crate) use refusal::Refusal;
 pub(crate) use render::render_request;
+pub(crate) use wait::wait;
 
 #[cfg(test)]
 mod tests;

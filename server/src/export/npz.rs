@@ -70,6 +70,7 @@ mod tests {
         let snapshot = MapSnapshot {
             map: "room".into(),
             revision: 1,
+            through: None,
             gaussians: Arc::new(gaussians),
             online: stage.into(),
             intrinsics: None,

@@ -1,5 +1,6 @@
 //! Errors as RFC 9457 problem documents (`application/problem+json`).
 
+use super::to_json::progress;
 use crate::check::Refusal;
 use crate::export::ExportError;
 use crate::maps::MapsError;
@@ -11,7 +12,10 @@ use lexsplat_proto::json;
 
 /// An error as the handlers return it.
 #[derive(Debug)]
-pub(crate) struct Problem(json::Problem);
+pub(crate) struct Problem(Box<json::Problem>);
+
+/// Seconds after which a request that was refused with status 503 is worth another try.
+const RETRY_AFTER: &str = "1";
 
 impl Problem {
     /// A problem with the standard title of the status.
@@ -21,13 +25,14 @@ impl Problem {
             .chars()
             .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' })
             .collect();
-        Self(json::Problem {
+        Self(Box::new(json::Problem {
             kind: format!("urn:lexsplat:problem:{slug}"),
             title: title.into(),
             status: status.as_u16(),
             detail: detail.into(),
             field: None,
-        })
+            progress: None,
+        }))
     }
 
     #[cfg(test)]
@@ -68,7 +73,12 @@ impl IntoResponse for Problem {
         let status =
             StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_vec(&self.0).expect("strings and numbers are JSON");
-        (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response()
+        let content_type = (header::CONTENT_TYPE, "application/problem+json");
+        if status == StatusCode::SERVICE_UNAVAILABLE {
+            return (status, [content_type, (header::RETRY_AFTER, RETRY_AFTER)], body)
+                .into_response();
+        }
+        (status, [content_type], body).into_response()
     }
 }
 
@@ -138,6 +148,11 @@ impl From<MapsError> for Problem {
             MapsError::Store(error) => {
                 tracing::error!(error = &error as &dyn std::error::Error, "the store failed");
                 Self::internal("the server cannot write to its data directory: see its log")
+            }
+            MapsError::Loading { progress: ref loaded, .. } => {
+                let mut problem = Self::unavailable(error.to_string());
+                problem.0.progress = Some(progress(*loaded));
+                problem
             }
             MapsError::Panicked => Self::internal(error.to_string()),
         }

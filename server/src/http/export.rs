@@ -4,14 +4,34 @@ use super::error::Problem;
 use super::extract::{Asker, NamedMap, Options, Segments};
 use super::file_cache::{ExportOptions, Exported};
 use super::range::{Tagged, respond};
+use super::reading::{self, WaitOptions};
 use super::state::State;
 use crate::check;
 use crate::export::{self, Format};
 use axum::http::HeaderMap;
-use axum::response::Response;
+use axum::response::{IntoResponse as _, Response};
 use lexsplat_proto::json;
+use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
+
+/// The whole query string: the options of the file, and those of waiting.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct AllOptions {
+    voxel: Option<f32>,
+    text: Option<String>,
+    wait: Option<String>,
+    min_sequence: Option<u64>,
+    wait_seconds: Option<f64>,
+}
+
+impl AllOptions {
+    fn split(self) -> (WaitOptions, ExportOptions) {
+        let Self { voxel, text, wait, min_sequence, wait_seconds } = self;
+        (WaitOptions { wait, min_sequence, wait_seconds }, ExportOptions { voxel, text })
+    }
+}
 
 /// The map as a file.
 #[utoipa::path(
@@ -20,6 +40,7 @@ use std::sync::Arc;
         ("name" = String, Path),
         ("file" = String, Path, description = "splats.ply, splats.spz, splats.glb, language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"),
         ExportOptions,
+        WaitOptions,
     ),
     responses(
         (status = 200, description = "the whole file", content_type = "application/octet-stream"),
@@ -35,13 +56,16 @@ pub(super) async fn file(
     NamedMap(map): NamedMap,
     Asker(client): Asker,
     segments: Segments,
-    Options(options): Options<ExportOptions>,
+    Options(options): Options<AllOptions>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let format: Format = segments.get("file").parse()?;
-    let snapshot = map.snapshot();
+    let (waiting, options) = options.split();
+    let reading = waiting.read(&map).await?;
+    let snapshot = reading.snapshot.clone();
+    let of = reading::headers(&reading);
     if let Some(file) = state.last_file.get(&snapshot, format, &options) {
-        return Ok(respond(file, &headers, format.media_type()));
+        return Ok((of, respond(file, &headers, format.media_type())).into_response());
     }
     let mesh = check::mesh_options(options.voxel, options.text.as_deref())?;
     let data = export::file(state.engine(), &client, snapshot.clone(), format, mesh).await?;
@@ -55,5 +79,5 @@ pub(super) async fn file(
         .map_err(|_| Problem::internal("hashing the file panicked: see the server's log"))?;
     let snapshot = Arc::downgrade(&snapshot);
     state.last_file.put(Exported { snapshot, format, options, file: file.clone() });
-    Ok(respond(file, &headers, format.media_type()))
+    Ok((of, respond(file, &headers, format.media_type())).into_response())
 }

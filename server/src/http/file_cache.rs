@@ -3,13 +3,11 @@
 use super::range::Tagged;
 use crate::export::Format;
 use crate::pipeline::snapshot::MapSnapshot;
-use serde::Deserialize;
 use std::sync::{Arc, Mutex, Weak};
 use utoipa::IntoParams;
 
 /// The options of `mesh.ply` in the query string.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, IntoParams)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, IntoParams)]
 pub(super) struct ExportOptions {
     /// mesh.ply: side of a voxel, 0.002 to 1 metre; 0.02 if absent.
     pub(super) voxel: Option<f32>,

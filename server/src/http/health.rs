@@ -2,6 +2,7 @@
 
 use super::error::Problem;
 use super::state::State;
+use super::to_json;
 use crate::pipeline::map::MapStatus;
 use crate::telemetry;
 use axum::Json;
@@ -10,41 +11,42 @@ use axum::response::IntoResponse;
 use lexsplat_proto::json::{self, Health};
 use std::fmt::Write as _;
 
-fn health(state: &State, status: &str, warnings: Vec<String>) -> Json<Health> {
-    Json(Health {
+fn health(state: &State, status: &str) -> Health {
+    Health {
         status: status.into(),
         adapter: state.engine().adapter().into(),
         bundle: state.engine().bundle().into(),
         version: env!("CARGO_PKG_VERSION").into(),
-        warnings,
-    })
+        warnings: Vec::new(),
+        loading: Vec::new(),
+    }
 }
 
 /// Whether the process runs.
 #[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, body = Health)))]
 pub(super) async fn healthz(state: State) -> Json<Health> {
-    health(&state, "alive", Vec::new())
+    Json(health(&state, "alive"))
 }
 
-/// Whether the server takes requests: not while it rebuilds maps from their recordings or
-/// stops. Warnings tell of damaged recordings.
+/// Whether the server takes requests: until it stops. Warnings tell of damaged recordings, and maps
+/// that are still being loaded are listed.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
     responses(
         (status = 200, body = Health),
-        (status = 503, description = "the server is starting or stopping", body = json::Problem, content_type = "application/problem+json"),
+        (status = 503, description = "the server is stopping", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
     if state.stopping.is_cancelled() {
         return Err(Problem::unavailable("the server is stopping"));
     }
-    if !*state.ready.borrow() {
-        return Err(Problem::unavailable(
-            "maps are being rebuilt from their recordings: try again",
-        ));
-    }
-    Ok(health(&state, "ready", state.maps.warnings()))
+    let loading = state.maps.loading().into_iter();
+    Ok(Json(Health {
+        warnings: state.maps.warnings(),
+        loading: loading.map(|(map, progress)| to_json::map_loading(map, progress)).collect(),
+        ..health(&state, "ready")
+    }))
 }
 
 /// Metrics as Prometheus text.

@@ -1,9 +1,10 @@
 //! Maps: creating, listing, describing and deleting them; their keyframes and trajectories.
 
 use super::error::Problem;
-use super::extract::{Body, NamedMap, Segments};
+use super::extract::{Body, NamedMap, Options, Segments};
+use super::reading::{self, WaitOptions};
 use super::state::State;
-use super::to_json::{keyframe, status};
+use super::to_json::{keyframe, listed, status};
 use crate::access::Caller;
 use crate::export;
 use axum::http::{StatusCode, header};
@@ -34,9 +35,8 @@ pub(super) async fn create(
 /// Lists the maps that the caller may use.
 #[utoipa::path(get, path = "/v1/maps", tag = "maps", responses((status = 200, body = Maps)))]
 pub(super) async fn list(state: State, Extension(caller): Extension<Caller>) -> Json<Maps> {
-    let maps = state.engine().maps();
-    let seen = maps.iter().filter(|map| caller.sees(map.name()));
-    Json(Maps { maps: seen.map(|map| status(map.status())).collect() })
+    let seen = state.maps.list().into_iter().filter(|map| caller.sees(map.name()));
+    Json(Maps { maps: seen.map(listed).collect() })
 }
 
 /// The status of a map.
@@ -83,13 +83,18 @@ pub(super) async fn frames(NamedMap(map): NamedMap) -> Json<Frames> {
 
 /// The poses of all tracked frames as TUM text: `timestamp tx ty tz qx qy qz qw`, camera-to-world.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/trajectory", tag = "maps", params(("name" = String, Path)),
+    get, path = "/v1/maps/{name}/trajectory", tag = "maps", params(("name" = String, Path), WaitOptions),
     responses(
         (status = 200, body = String, content_type = "text/plain"),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
-pub(super) async fn trajectory(NamedMap(map): NamedMap) -> impl IntoResponse {
-    let text = export::trajectory(&map.snapshot().trajectory);
-    ([(header::CONTENT_TYPE, "text/plain; charset=utf-8")], text)
+pub(super) async fn trajectory(
+    NamedMap(map): NamedMap,
+    Options(options): Options<WaitOptions>,
+) -> Result<impl IntoResponse, Problem> {
+    let reading = options.read(&map).await?;
+    let text = export::trajectory(&reading.snapshot.trajectory);
+    let content_type = [(header::CONTENT_TYPE, "text/plain; charset=utf-8")];
+    Ok((reading::headers(&reading), content_type, text))
 }

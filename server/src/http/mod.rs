@@ -6,6 +6,7 @@
 
 mod answer_cache;
 mod answers;
+mod backup;
 mod browser;
 mod config;
 mod error;
@@ -20,6 +21,7 @@ mod map;
 mod openapi;
 mod query;
 mod range;
+mod reading;
 mod render;
 mod router;
 mod session;

@@ -1,6 +1,6 @@
 //! `GET /openapi.json`: the OpenAPI 3.1 document, generated from the annotations of the handlers.
 
-use super::{answers, events, export, health, map, query, render, session};
+use super::{answers, backup, events, export, health, map, query, render, session};
 use axum::Json;
 use lexsplat_proto::json;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
@@ -33,6 +33,8 @@ use utoipa::{Modify, OpenApi};
         render::of_frame,
         render::of_view,
         export::file,
+        backup::take,
+        backup::put,
         events::stream,
     ),
     modifiers(&Bearer),

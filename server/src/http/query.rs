@@ -1,7 +1,8 @@
 //! `POST /v1/maps/{name}/query`: answering questions.
 
 use super::error::Problem;
-use super::extract::{Asker, Body, NamedMap};
+use super::extract::{Asker, Body, NamedMap, Options};
+use super::reading::WaitOptions;
 use super::state::State;
 use super::to_json;
 use crate::check::Question;
@@ -14,7 +15,7 @@ use std::time::Instant;
 /// Asks a map in plain words.
 #[utoipa::path(
     post, path = "/v1/maps/{name}/query", tag = "query",
-    params(("name" = String, Path, description = "name of the map")),
+    params(("name" = String, Path, description = "name of the map"), WaitOptions),
     request_body = json::Question,
     responses(
         (status = 200, body = json::Reply),
@@ -27,21 +28,27 @@ pub(super) async fn ask(
     state: State,
     NamedMap(map): NamedMap,
     Asker(client): Asker,
+    Options(options): Options<WaitOptions>,
     Body(question): Body<json::Question>,
 ) -> Result<Json<json::Reply>, Problem> {
     let started = Instant::now();
-    let reply = match Question::from_json(question, state.config.max_render_pixels)? {
+    let question = Question::from_json(question, state.config.max_render_pixels)?;
+    let reading = options.read(&map).await?;
+    let snapshot = reading.snapshot.clone();
+    let reply = match question {
         Question::Text(query) => {
             let text = query.text.clone();
-            let mut answer = state.in_time(state.engine().query(&client, &map, query)).await??;
-            let reply = to_json::answer(query_id(), text, map.name(), &answer);
+            let engine = state.engine();
+            let mut answer = state.in_time(engine.query(&client, snapshot, query)).await??;
+            let reply = to_json::answer(query_id(), text, &reading, &answer);
             state.answers.keep(&reply.query_id, map.name(), &mut answer);
             json::Reply::Answer(reply)
         }
         Question::Texts(request) => {
             let texts = request.texts.clone();
-            let found = state.in_time(state.engine().segment(&client, &map, request)).await??;
-            let reply = to_json::segmentation(query_id(), texts, map.name(), &found);
+            let engine = state.engine();
+            let found = state.in_time(engine.segment(&client, snapshot, request)).await??;
+            let reply = to_json::segmentation(query_id(), texts, &reading, &found);
             state.answers.keep_labels(&reply.query_id, map.name(), found);
             json::Reply::Segmentation(reply)
         }

@@ -8,19 +8,18 @@ use super::event_log::EventLogs;
 use super::file_cache::FileCache;
 use super::guard::guard;
 use super::state::Shared;
-use super::{answers, events, export, health, map, openapi, query, render, session};
+use super::{answers, backup, events, export, health, map, openapi, query, render, session};
 use crate::access::Gate;
 use crate::maps::RecordedMaps;
 use crate::web;
 use axum::Router;
-use axum::http::{HeaderValue, Method, header};
+use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
 use std::any::Any;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
@@ -34,15 +33,13 @@ pub(crate) struct Context {
     pub(crate) config: HttpConfig,
     /// How long a request's body may take.
     pub(crate) body_limit: Duration,
-    /// False while maps are rebuilt from their logs.
-    pub(crate) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops; ends the streams of events.
     pub(crate) stopping: CancellationToken,
 }
 
 /// All routes, those of the dashboard included.
 pub(crate) fn router(context: Context) -> Router {
-    let Context { maps, gate, config, body_limit, ready, stopping } = context;
+    let Context { maps, gate, config, body_limit, stopping } = context;
     let cors = cors(&config.cors_origins);
     let browsers = Arc::new(Browsers {
         hosts: config.hosts.clone(),
@@ -57,7 +54,6 @@ pub(crate) fn router(context: Context) -> Router {
         gate: gate.clone(),
         config,
         body_limit,
-        ready,
         stopping,
     });
     let router = Router::new()
@@ -76,6 +72,7 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/v1/maps/{name}/trajectory", get(map::trajectory))
         .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))
         .route("/v1/maps/{name}/export/{file}", get(export::file))
+        .route("/v1/maps/{name}/backup", get(backup::take).put(backup::put))
         .route("/v1/maps/{name}/events", get(events::stream))
         .fallback(not_found)
         .with_state(shared)
@@ -120,6 +117,13 @@ fn cors(origins: &[String]) -> Option<CorsLayer> {
                 header::ACCEPT,
                 header::RANGE,
             ])
-            .expose_headers([header::ETAG, header::CONTENT_RANGE]),
+            .expose_headers([
+                header::ETAG,
+                header::CONTENT_RANGE,
+                header::RETRY_AFTER,
+                HeaderName::from_static("lexsplat-revision"),
+                HeaderName::from_static("lexsplat-through"),
+                HeaderName::from_static("lexsplat-settled"),
+            ]),
     )
 }

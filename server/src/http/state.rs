@@ -10,7 +10,6 @@ use crate::maps::RecordedMaps;
 use crate::pipeline::engine::Engine;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 pub(super) struct Shared {
@@ -19,8 +18,6 @@ pub(super) struct Shared {
     pub(super) config: HttpConfig,
     /// How long a request's body may take.
     pub(super) body_limit: Duration,
-    /// False while maps are rebuilt from their logs.
-    pub(super) ready: watch::Receiver<bool>,
     /// Cancelled when the server stops.
     pub(super) stopping: CancellationToken,
     pub(super) answers: AnswerCache,

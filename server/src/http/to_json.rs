@@ -1,16 +1,43 @@
 //! Pipeline types as JSON types.
 
 use crate::export;
+use crate::maps::{Listed, LoadProgress};
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::input_warning::InputWarning;
-use crate::pipeline::map::MapStatus;
+use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing};
 use crate::pipeline::snapshot::KeyframeInfo;
 use lexsplat_proto::json;
 use nalgebra::Isometry3;
 
+/// A map in the list of maps.
+pub(super) fn listed(listed: Listed) -> json::Status {
+    let state = match listed.loading {
+        Some(_) => json::MapState::Loading,
+        None => state(&listed.status),
+    };
+    let loading = listed.loading.map(progress);
+    json::Status { state, loading, ..status(listed.status) }
+}
+
+fn state(status: &MapStatus) -> json::MapState {
+    if status.failure.is_some() { json::MapState::Failed } else { json::MapState::Ready }
+}
+
+pub(super) fn progress(progress: LoadProgress) -> json::LoadProgress {
+    let LoadProgress { frames_done, frames_total } = progress;
+    json::LoadProgress { frames_done, frames_total }
+}
+
+/// A map that is being loaded, for the readiness of the server.
+pub(super) fn map_loading(map: String, loaded: LoadProgress) -> json::MapLoading {
+    json::MapLoading { map, progress: progress(loaded) }
+}
+
 pub(super) fn status(status: MapStatus) -> json::Status {
     json::Status {
+        state: state(&status),
+        loading: None,
         name: status.name,
         revision: status.revision,
         frames_received: status.frames_received,
@@ -60,12 +87,20 @@ pub(super) fn rows(transform: &Isometry3<f64>) -> [f64; 16] {
 }
 
 /// An answer as JSON; the heat map and the points become links with `query_id`.
-pub(super) fn answer(query_id: String, text: String, map: &str, answer: &Answer) -> json::Answer {
+pub(super) fn answer(
+    query_id: String,
+    text: String,
+    reading: &Reading,
+    answer: &Answer,
+) -> json::Answer {
+    let map = &reading.snapshot.map;
     let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
     json::Answer {
         text,
-        map: map.into(),
+        map: map.clone(),
         revision: answer.revision,
+        through: reading.snapshot.through,
+        settled: reading.settled,
         present: answer.present,
         confidence: answer.confidence,
         coverage: answer.coverage,
@@ -114,9 +149,10 @@ fn object(found: &Object) -> json::Object {
 pub(super) fn segmentation(
     query_id: String,
     texts: Vec<String>,
-    map: &str,
+    reading: &Reading,
     found: &Segmentation,
 ) -> json::Segmentation {
+    let map = &reading.snapshot.map;
     let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
     let entry = |(at, (text, &share)): (usize, (&String, &f32))| {
         let [red, green, blue] = export::label_color(at + 1);
@@ -126,8 +162,10 @@ pub(super) fn segmentation(
     json::Segmentation {
         legend: texts.iter().zip(&found.shares).enumerate().map(entry).collect(),
         texts,
-        map: map.into(),
+        map: map.clone(),
         revision: found.revision,
+        through: reading.snapshot.through,
+        settled: reading.settled,
         coverage: found.coverage,
         threshold: found.threshold,
         labels: found.image.as_ref().map(|image| {

@@ -4,13 +4,15 @@ use super::context::Context;
 use super::status;
 use crate::check;
 use crate::export::{self, Format};
+use crate::maps::Listed;
 use crate::pipeline::input_warning::{InputProblem, InputWarning};
-use crate::pipeline::map::MapStatus;
+use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::Client;
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::Status;
+use tonic::metadata::MetadataValue;
+use tonic::{Response, Status};
 
 /// Bytes in a chunk of an exported file.
 const CHUNK_BYTES: usize = 256 << 10;
@@ -26,8 +28,18 @@ pub(super) async fn delete(context: &Context, name: &str) -> Result<(), Status> 
     context.maps.delete(name).await.map_err(|error| status::of_maps(&error, "name"))
 }
 
+/// A map in the list of maps.
+pub(super) fn wire_listed(listed: Listed) -> v1::MapStatus {
+    let loading = listed.loading.map(|progress| v1::LoadProgress {
+        frames_done: progress.frames_done,
+        frames_total: progress.frames_total,
+    });
+    v1::MapStatus { loading, ..wire_status(listed.status) }
+}
+
 pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
     v1::MapStatus {
+        loading: None,
         name: status.name,
         revision: status.revision,
         frames_received: status.frames_received,
@@ -69,15 +81,19 @@ pub(super) async fn export(
     context: &Context,
     client: &Client,
     request: v1::ExportRequest,
-) -> Result<ReceiverStream<Result<v1::Chunk, Status>>, Status> {
-    let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+) -> Result<Response<ReceiverStream<Result<v1::Chunk, Status>>>, Status> {
+    let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
     let text = (!request.text.is_empty()).then_some(&*request.text);
     let options = check::mesh_options(request.voxel_metres, text)
         .map_err(|refusal| status::refused(&refusal))?;
-    let file = export::file(context.maps.engine(), client, map.snapshot(), format, options)
-        .await
-        .map_err(|error| status::of_export(&error))?;
+    let wait = check::wait(Some(&request.wait), request.min_sequence, request.wait_seconds)
+        .map_err(|refusal| status::refused(&refusal))?;
+    let reading = map.read(&wait).await;
+    let file =
+        export::file(context.maps.engine(), client, reading.snapshot.clone(), format, options)
+            .await
+            .map_err(|error| status::of_export(&error))?;
     let mut file = prost::bytes::Bytes::from(file);
     let (chunks, stream) = mpsc::channel(CHUNK_BACKLOG);
     tokio::spawn(async move {
@@ -88,5 +104,16 @@ pub(super) async fn export(
             }
         }
     });
-    Ok(ReceiverStream::new(stream))
+    let mut response = Response::new(ReceiverStream::new(stream));
+    let metadata = response.metadata_mut();
+    let Reading { snapshot, settled } = reading;
+    metadata.insert("lexsplat-revision", snapshot.revision.into());
+    metadata.insert(
+        "lexsplat-settled",
+        MetadataValue::from_static(if settled { "true" } else { "false" }),
+    );
+    if let Some(through) = snapshot.through {
+        metadata.insert("lexsplat-through", through.into());
+    }
+    Ok(response)
 }

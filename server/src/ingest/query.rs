@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use super::status;
-use crate::check::Question;
+use crate::check::{self, Question};
 use crate::export::extremes;
 use crate::pipeline::query::{Answer, Client, Heatmap, Object, ScoredPoint, Segmentation, Timing};
 use crate::query_id::query_id;
@@ -17,23 +17,29 @@ pub(super) async fn answer(
     request: v1::QueryRequest,
 ) -> Result<v1::QueryResponse, Status> {
     let started = Instant::now();
-    let map = context.maps.get(&request.map).map_err(|error| status::of_map(&error, "map"))?;
+    let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
+    let wait = check::wait(Some(&request.wait), request.min_sequence, request.wait_seconds);
+    let wait = wait.map_err(|refusal| status::refused(&refusal))?;
     let question = Question::from_wire(request, &context.limits)
         .map_err(|refusal| status::refused(&refusal))?;
     let engine = context.maps.engine();
+    let reading = map.read(&wait).await;
+    let snapshot = reading.snapshot.clone();
     let failed = |error| status::of_query(&error);
     let response = match question {
         Question::Text(query) => {
             let text = query.text.clone();
-            let answer = engine.query(client, &map, query).await.map_err(failed)?;
+            let answer = engine.query(client, snapshot, query).await.map_err(failed)?;
             response(answer, text, map.name().into())
         }
         Question::Texts(request) => {
             let texts = request.texts.clone();
-            let found = engine.segment(client, &map, request).await.map_err(failed)?;
+            let found = engine.segment(client, snapshot, request).await.map_err(failed)?;
             segmentation(found, texts, map.name().into())
         }
     };
+    let through = reading.snapshot.through;
+    let response = v1::QueryResponse { through, settled: reading.settled, ..response };
     metrics::histogram!(QUERY_SECONDS, "edge" => "grpc").record(started.elapsed());
     Ok(response)
 }
@@ -65,6 +71,7 @@ fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
         objects: answer.objects.unwrap_or_default().iter().map(object).collect(),
         timing: Some(timing(answer.timing)),
         segmentation: None,
+        ..Default::default()
     }
 }
 

@@ -122,7 +122,7 @@ impl Mapping for MappingService {
     ) -> Result<Response<v1::MapStatus>, Status> {
         permit(&caller(&request)?, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
-        let map = self.0.maps.get(&name).map_err(|error| status::of_map(&error, "name"))?;
+        let map = self.0.maps.get(&name).map_err(|error| status::of_maps(&error, "name"))?;
         Ok(Response::new(maps::wire_status(map.status())))
     }
 
@@ -131,9 +131,8 @@ impl Mapping for MappingService {
         request: Request<v1::ListMapsRequest>,
     ) -> Result<Response<v1::ListMapsResponse>, Status> {
         let caller = caller(&request)?;
-        let maps = self.0.maps.engine().maps();
-        let seen = maps.iter().filter(|map| caller.sees(map.name()));
-        let maps = seen.map(|map| maps::wire_status(map.status())).collect();
+        let seen = self.0.maps.list().into_iter().filter(|map| caller.sees(map.name()));
+        let maps = seen.map(maps::wire_listed).collect();
         Ok(Response::new(v1::ListMapsResponse { maps }))
     }
 
@@ -152,6 +151,6 @@ impl Mapping for MappingService {
         request: Request<v1::ExportRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
         permit(&caller(&request)?, &request.get_ref().map, "map")?;
-        maps::export(&self.0, &client(&request), request.into_inner()).await.map(Response::new)
+        maps::export(&self.0, &client(&request), request.into_inner()).await
     }
 }

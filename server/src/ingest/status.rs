@@ -69,6 +69,7 @@ pub(super) fn of_maps(error: &MapsError, field: &str) -> Status {
             let reason = error.reason();
             Status::internal(format!("the server cannot write to its data directory: {reason}"))
         }
+        MapsError::Loading { .. } => Status::unavailable(error.to_string()),
         MapsError::Panicked => Status::internal(error.to_string()),
     }
 }

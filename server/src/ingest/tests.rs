@@ -2,7 +2,7 @@
 
 use super::{IngestConfig, MappingService};
 use crate::access::{AccessConfig, Gate};
-use crate::maps::{RecordedMaps, replay};
+use crate::maps::{RecordedMaps, load_all};
 use crate::net::{self, ConnectionsConfig, Port, Protocol};
 use crate::store::Store;
 use crate::test_support::{config, engine, frame, open_message};
@@ -218,7 +218,7 @@ async fn durable_frames_come_back_after_a_restart() {
     {
         let store = Store::open(Some(folder.path())).unwrap();
         let maps = RecordedMaps::new(engine(), store);
-        replay(&maps, &config().ingest.limits()).await.unwrap();
+        load_all(&maps, &config().ingest.limits()).await.unwrap();
     }
     let server = Server::start(Some(folder.path())).await;
     let map = engine().map("ingest-durable").unwrap();

@@ -1,5 +1,6 @@
 //! Errors of recorded maps.
 
+use super::places::LoadProgress;
 use crate::pipeline::map::MapError;
 use crate::store::StoreError;
 
@@ -9,6 +10,9 @@ pub(crate) enum MapsError {
     Map(#[from] MapError),
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The map was there before the server was started, and is not there again yet.
+    #[error("map {name:?} is being loaded: {progress}. Try again in a few seconds")]
+    Loading { name: String, progress: LoadProgress },
     #[error("creating the map panicked: the server's log has the message")]
     Panicked,
 }

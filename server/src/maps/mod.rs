@@ -1,15 +1,25 @@
-//! Maps together with the recordings of their frames.
+//! Maps together with the recordings of their frames and their checkpoints.
 //!
-//! gRPC and HTTP create, open and delete maps here, so that a map and its recording stay in step, and
-//! the server rebuilds all maps from their recordings here when it starts.
+//! gRPC and HTTP create, open and delete maps here, so that a map and its recording stay in step. When the
+//! server starts, maps are loaded here, in the order in which they are asked for: the newest checkpoint, then
+//! the frames that were recorded after it. Checkpoints are written while the server runs and when it stops.
 
+mod backup;
 mod error;
+mod load;
+mod places;
 mod recorded;
 mod replay;
+mod save;
 
+pub(crate) use backup::{BackupError, backup, restore};
 pub(crate) use error::MapsError;
-pub(crate) use recorded::{RecordedMaps, Recording};
-pub(crate) use replay::replay;
+pub(crate) use load::keep_loading;
+#[cfg(test)]
+pub(crate) use load::load_all;
+pub(crate) use places::LoadProgress;
+pub(crate) use recorded::{Listed, RecordedMaps, Recording};
+pub(crate) use save::{save_all, save_every};
 
 #[cfg(test)]
 mod tests;

@@ -1,21 +1,39 @@
 //! Creating, opening and deleting maps with their recordings.
 
 use super::error::MapsError;
+use super::places::{LoadProgress, Place, Places, Reserved, not_rebuilt};
 use crate::check::Opening;
 use crate::pipeline::engine::Engine;
-use crate::pipeline::map::{Map, MapError, StreamGuard};
+use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};
 use crate::store::{Recorder, Store, StoreError};
 use lexsplat_proto::v1;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The maps of an engine and the store that records them. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct RecordedMaps {
     engine: Arc<Engine>,
     store: Store,
-    /// Why maps with a recording could not be rebuilt, by name.
-    not_rebuilt: Arc<Mutex<BTreeMap<String, String>>>,
+    places: Arc<Places>,
+    /// The state of each map that its newest checkpoint has.
+    saved: Arc<Mutex<BTreeMap<String, State>>>,
+}
+
+/// Newest frame and revision of a map: it changes when the map does.
+pub(super) type State = (Option<u64>, u64);
+
+/// A map in the list of maps.
+pub(crate) struct Listed {
+    pub status: MapStatus,
+    /// Set while it is loaded or waits for it.
+    pub loading: Option<LoadProgress>,
+}
+
+impl Listed {
+    pub(crate) fn name(&self) -> &str {
+        &self.status.name
+    }
 }
 
 /// The right to send frames to a map; a map has at most one. Dropping it frees the map for the next
@@ -28,7 +46,7 @@ pub(crate) struct Recording {
 
 impl RecordedMaps {
     pub(crate) fn new(engine: Arc<Engine>, store: Store) -> Self {
-        Self { engine, store, not_rebuilt: Arc::default() }
+        Self { engine, store, places: Arc::default(), saved: Arc::default() }
     }
 
     pub(crate) fn engine(&self) -> &Arc<Engine> {
@@ -39,30 +57,56 @@ impl RecordedMaps {
         &self.store
     }
 
-    /// The map called `name`.
+    pub(super) fn places(&self) -> &Places {
+        &self.places
+    }
+
+    /// Finds the maps in the data directory. They wait to be loaded.
     ///
     /// # Errors
-    /// [`MapError::NotFound`]; [`MapError::Failed`] if it could not be rebuilt.
-    pub(crate) fn get(&self, name: &str) -> Result<Arc<Map>, MapError> {
-        self.expect_rebuilt(name)?;
-        self.engine.map(name)
+    /// [`StoreError`] if the directory cannot be listed.
+    pub(crate) fn find_recordings(&self) -> Result<(), StoreError> {
+        self.places.add(self.store.maps()?);
+        Ok(())
     }
 
-    /// Notes that a map with a recording could not be rebuilt. Its recording stays as it is.
-    pub(super) fn note_not_rebuilt(&self, name: &str, reason: String) {
-        let mut notes = self.not_rebuilt.lock().unwrap_or_else(PoisonError::into_inner);
-        notes.insert(name.to_owned(), reason);
+    /// Takes a name that no map has, for one that will be put there.
+    ///
+    /// # Errors
+    /// [`MapError::AlreadyExists`].
+    pub(super) fn reserve(&self, name: &str) -> Result<Reserved, MapsError> {
+        let reserved = self.places.reserve(name)?;
+        if self.engine.map(name).is_ok() || self.store.has(name) {
+            return Err(MapError::AlreadyExists { name: name.to_owned() }.into());
+        }
+        Ok(reserved)
     }
 
-    /// Refuses a map that has a recording but could not be rebuilt from it.
-    fn expect_rebuilt(&self, name: &str) -> Result<(), MapError> {
-        let notes = self.not_rebuilt.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(reason) = notes.get(name) else { return Ok(()) };
-        let reason = format!(
-            "it could not be rebuilt from its recording, which is kept: {reason}. Correct the cause and start \
-             the server again, or delete the map"
-        );
-        Err(MapError::Failed { name: name.to_owned(), reason })
+    /// The map called `name`. One that waits is loaded before those that nobody asked for.
+    ///
+    /// # Errors
+    /// [`MapsError::Loading`]; [`MapError::NotFound`]; [`MapError::Failed`] if it could not be rebuilt.
+    pub(crate) fn get(&self, name: &str) -> Result<Arc<Map>, MapsError> {
+        self.places.expect_loaded(name)?;
+        Ok(self.engine.map(name)?)
+    }
+
+    fn saved(&self) -> MutexGuard<'_, BTreeMap<String, State>> {
+        self.saved.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a map has changed since its newest checkpoint.
+    pub(super) fn is_unsaved(&self, name: &str, state: State) -> bool {
+        self.saved().get(name) != Some(&state)
+    }
+
+    pub(super) fn note_saved(&self, name: &str, state: State) {
+        self.saved().insert(name.to_owned(), state);
+    }
+
+    /// Whether the data directory has the map's frames.
+    pub(super) fn is_recorded(&self, name: &str) -> bool {
+        self.store.has(name)
     }
 
     /// What is wrong with the recording of a map, in words; `None` if nothing is.
@@ -80,9 +124,40 @@ impl RecordedMaps {
         let names = self.store.maps().unwrap_or_default();
         let damaged =
             names.iter().filter_map(|name| Some(format!("{name}: {}", self.damage(name)?)));
-        let notes = self.not_rebuilt.lock().unwrap_or_else(PoisonError::into_inner);
-        let missing = notes.iter().map(|(name, reason)| format!("{name}: not rebuilt: {reason}"));
+        let missing = self.places.all().into_iter().filter_map(|(name, place)| match place {
+            Place::NotRebuilt(reason) => Some(format!("{name}: not rebuilt: {reason}")),
+            Place::Waiting | Place::Loading(_) => None,
+        });
         damaged.chain(missing).collect()
+    }
+
+    /// Maps that are loaded or wait for it, with their progress.
+    pub(crate) fn loading(&self) -> Vec<(String, LoadProgress)> {
+        let places = self.places.all().into_iter();
+        places.filter_map(|(name, place)| Some((name, place.progress()?))).collect()
+    }
+
+    /// All maps, by name.
+    pub(crate) fn list(&self) -> Vec<Listed> {
+        let places = self.places.all();
+        let is_live = |map: &Arc<Map>| places.iter().all(|(name, _)| name != map.name());
+        let live = self
+            .engine
+            .maps()
+            .into_iter()
+            .filter(is_live)
+            .map(|map| Listed { status: map.status(), loading: None });
+        let absent = places.iter().map(|(name, place)| {
+            let failure = match place {
+                Place::NotRebuilt(reason) => Some(not_rebuilt(reason)),
+                Place::Waiting | Place::Loading(_) => None,
+            };
+            let status = MapStatus { failure, ..MapStatus::absent(name) };
+            Listed { status, loading: place.progress() }
+        });
+        let mut all: Vec<Listed> = live.chain(absent).collect();
+        all.sort_by(|a, b| a.status.name.cmp(&b.status.name));
+        all
     }
 
     /// Creates an empty map.
@@ -90,7 +165,7 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps.
     pub(crate) async fn create(&self, name: &str) -> Result<Arc<Map>, MapsError> {
-        self.expect_rebuilt(name)?;
+        self.places.expect_loaded(name)?;
         let name = name.to_owned();
         self.blocking(move |engine| engine.create(&name)).await
     }
@@ -106,13 +181,19 @@ impl RecordedMaps {
     }
 
     async fn delete_now(&self, name: &str) -> Result<(), MapsError> {
-        let is_noted = {
-            let mut notes = self.not_rebuilt.lock().unwrap_or_else(PoisonError::into_inner);
-            notes.remove(name).is_some()
-        };
-        if !is_noted {
-            self.engine.delete(name).await?;
+        match self.places.find(name) {
+            None => self.engine.delete(name).await?,
+            Some(Place::Waiting | Place::NotRebuilt(_)) => {}
+            Some(Place::Loading(load)) => {
+                load.cancelled.cancel();
+                // Until it is not loaded any more.
+                let _ended = load.gate.lock().await;
+                // A part of it may be there. An error means that there is none.
+                let _ = self.engine.delete(name).await;
+            }
         }
+        self.places.remove(name);
+        self.saved().remove(name);
         Ok(self.store.forget(name).await?)
     }
 
@@ -127,7 +208,7 @@ impl RecordedMaps {
         open: &v1::OpenMap,
         opening: &Opening,
     ) -> Result<Recording, MapsError> {
-        self.expect_rebuilt(&open.map)?;
+        self.places.expect_loaded(&open.map)?;
         let name = open.map.clone();
         let map = self.blocking(move |engine| engine.open(&name)).await?;
         let sender = map.claim(opening.intrinsics)?;

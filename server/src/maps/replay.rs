@@ -1,59 +1,40 @@
-//! Rebuilding the maps from their recordings when the server starts.
+//! Mapping the frames of a recording again, all of them or those after a checkpoint.
 
-use super::recorded::RecordedMaps;
+use super::places::Load;
 use crate::check::{self, Limits, Opening};
 use crate::pipeline::engine::Engine;
-use crate::pipeline::map::StreamGuard;
+use crate::pipeline::frame::FrameOutcome;
+use crate::pipeline::map::{Map, StreamGuard};
 use crate::store::{Damage, Entry, Records, StoreError};
 use lexsplat_proto::v1::{self, frame_message::Message};
+use tokio::sync::oneshot;
 
-/// Sends the frames of every recording through the same checks and the same mapper as when they arrived.
-///
-/// A map that cannot be rebuilt is skipped, with an error in the server's log; its recording stays as it is,
-/// and the map takes no frames. Damage is reported, and frames behind it are used.
-///
-/// # Errors
-/// [`StoreError`] if the data directory cannot be listed.
-pub(crate) async fn replay(maps: &RecordedMaps, limits: &Limits) -> Result<(), StoreError> {
-    for map in maps.store().maps()? {
-        let map = &*map;
-        let mut replay =
-            Replay { engine: maps.engine(), limits, sender: None, frames: 0, skipped: 0 };
-        let replayed = match maps.store().records(map) {
-            Ok(records) => replay.run(map, records).await,
-            Err(error) => Err(unreadable(map, &error)),
-        };
-        let skipped = replay.skipped_words();
-        // Frees the map for its next sender.
-        drop(replay.sender.take());
-        match replayed {
-            Ok(()) => {
-                tracing::info!(map, frames = replay.frames, "rebuilt a map from its recording");
-                let words: Vec<String> = maps.damage(map).into_iter().chain(skipped).collect();
-                if let Ok(map) = maps.get(map)
-                    && !words.is_empty()
-                {
-                    map.note_damage(words.join("; "));
-                }
-            }
-            Err(reason) => {
-                tracing::error!(map, reason, "cannot rebuild a map from its recording");
-                // A part of it may be there. An error means that there is none.
-                let _ = maps.engine().delete(map).await;
-                maps.note_not_rebuilt(map, reason);
-            }
-        }
-    }
-    Ok(())
+/// What became of a recording.
+pub(super) struct Replayed {
+    /// Frames sent to the mapper.
+    pub frames: u64,
+    /// Whether a checkpoint has all of them.
+    pub is_saved: bool,
+    /// What is wrong with it, beside damage that was set aside.
+    pub words: Vec<String>,
 }
 
-struct Replay<'a> {
+/// Sends frames of a recording through the same checks and the same mapper as when they arrived.
+pub(super) struct Replay<'a> {
     engine: &'a Engine,
     limits: &'a Limits,
-    /// Set by the recording's first message.
-    sender: Option<(StreamGuard, Opening)>,
-    /// Frames sent to the mapper.
+    load: &'a Load,
+    /// The newest frame that the map has already.
+    after: Option<u64>,
+    /// Frames that the map has already.
+    had: u64,
+    /// The opening message of the current stream, and whether the map has frames of it.
+    opened: Option<(Opening, bool)>,
+    /// The right to send frames, once there is one to send.
+    sender: Option<StreamGuard>,
     frames: u64,
+    /// Resolves when the newest frame is mapped.
+    newest: Option<oneshot::Receiver<FrameOutcome>>,
     /// Frames that did not pass the checks.
     skipped: u64,
 }
@@ -64,47 +45,85 @@ fn unreadable(map: &str, error: &StoreError) -> String {
     error.reason()
 }
 
-impl Replay<'_> {
-    fn skipped_words(&self) -> Option<String> {
-        let skipped = self.skipped;
-        (skipped > 0).then(|| {
-            format!("{skipped} recorded frame(s) do not pass the checks and are not in the map: see the log")
-        })
+impl<'a> Replay<'a> {
+    /// `map`: the map as a checkpoint has it, if there is one.
+    pub fn new(engine: &'a Engine, limits: &'a Limits, load: &'a Load, map: Option<&Map>) -> Self {
+        Self {
+            engine,
+            limits,
+            load,
+            after: map.and_then(Map::received_through),
+            had: map.map_or(0, |map| map.status().frames_received),
+            opened: None,
+            sender: None,
+            frames: 0,
+            newest: None,
+            skipped: 0,
+        }
     }
 
-    async fn run(&mut self, map: &str, mut records: Records) -> Result<(), String> {
+    /// Ends when all frames are mapped; the optimiser may still have steps to take. Damage is reported, and
+    /// frames behind it are used.
+    ///
+    /// # Errors
+    /// The reason why the map cannot be rebuilt.
+    pub async fn run(&mut self, map: &str, mut records: Records) -> Result<Replayed, String> {
         loop {
             let (message, rest) = tokio::task::spawn_blocking(move || (records.next(), records))
                 .await
                 .map_err(|_| "reading the recording panicked".to_owned())?;
             records = rest;
             match message.map_err(|error| unreadable(map, &error))? {
-                None => return Ok(()),
-                Some(Entry::Message(Message::Open(open))) => self.open(map, &open)?,
-                Some(Entry::Message(Message::Frame(frame))) => self.frame(frame).await?,
+                None => break,
+                Some(Entry::Message(Message::Open(open))) => {
+                    let opening =
+                        check::opening(&open, self.limits).map_err(|error| error.to_string())?;
+                    (self.opened, self.sender) = (Some((opening, false)), None);
+                    if self.after.is_none() {
+                        // A recording may have a stream without a frame that can be mapped.
+                        self.engine.open(map).map_err(|error| error.to_string())?;
+                    }
+                }
+                Some(Entry::Message(Message::Frame(frame))) => self.frame(map, frame).await?,
                 Some(Entry::Damage(Damage { path, from_byte, to_byte })) => {
                     let file = path.display();
                     tracing::error!(map, %file, from_byte, to_byte, "a recording is damaged");
                 }
             }
         }
-    }
-
-    fn open(&mut self, map: &str, open: &v1::OpenMap) -> Result<(), String> {
-        let opening = check::opening(open, self.limits).map_err(|error| error.to_string())?;
-        // A map has one sender: drop the last one before the next claims the map.
+        if let Some(newest) = self.newest.take() {
+            newest.await.map_err(|_| "the map ended before all frames were mapped".to_owned())?;
+        }
+        // Frees the map for its next sender.
         self.sender = None;
-        let map = self.engine.open(map).map_err(|error| error.to_string())?;
-        let guard = map.claim(opening.intrinsics).map_err(|error| error.to_string())?;
-        self.sender = Some((guard, opening));
-        Ok(())
+        let skipped = self.skipped;
+        let words = (skipped > 0).then(|| {
+            format!("{skipped} recorded frame(s) do not pass the checks and are not in the map: see the log")
+        });
+        let words = words.into_iter().collect();
+        Ok(Replayed { frames: self.frames, is_saved: false, words })
     }
 
-    async fn frame(&mut self, wire: v1::Frame) -> Result<(), String> {
-        let (guard, opening) =
-            self.sender.as_ref().ok_or("the first message is not an opening message")?;
+    async fn frame(&mut self, map: &str, wire: v1::Frame) -> Result<(), String> {
+        let Some((opening, has_frames)) = &mut self.opened else {
+            return Err("the first message is not an opening message".into());
+        };
+        if self.after.is_some_and(|after| wire.sequence <= after) {
+            *has_frames = true;
+            return Ok(());
+        }
+        if self.sender.is_none() {
+            let map = self.engine.map(map).map_err(|error| error.to_string())?;
+            // A stream that the map has frames of goes on.
+            let claimed = match has_frames {
+                true => map.reclaim(opening.intrinsics),
+                false => map.claim(opening.intrinsics),
+            };
+            self.sender = Some(claimed.map_err(|error| error.to_string())?);
+        }
+        let sender = self.sender.as_ref().expect("claimed above");
         let (opening, limits) = (opening.clone(), *self.limits);
-        let newest = guard.map().received_through();
+        let newest = sender.map().received_through();
         let checked =
             tokio::task::spawn_blocking(move || check::frame(&wire, &opening, newest, &limits))
                 .await
@@ -113,13 +132,15 @@ impl Replay<'_> {
             Ok(frame) => frame,
             // The frame passed when it was recorded: the configured limits are narrower now.
             Err(refusal) => {
-                tracing::warn!(map = guard.map().name(), %refusal, "skipped a recorded frame");
+                tracing::warn!(map, %refusal, "skipped a recorded frame");
                 self.skipped += 1;
                 return Ok(());
             }
         };
-        guard.map().submit(frame).await.map_err(|error| error.to_string())?;
+        let outcome = sender.map().submit(frame).await.map_err(|error| error.to_string())?;
+        self.newest = Some(outcome);
         self.frames += 1;
+        self.load.set_done(self.had + self.frames);
         Ok(())
     }
 }

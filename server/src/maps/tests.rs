@@ -32,9 +32,10 @@ async fn a_map_that_cannot_be_rebuilt_keeps_its_recording_and_takes_no_frames() 
     let file = folder.path().join("maps-refused.map/0001.mcap");
     let before = std::fs::read(&file).unwrap();
     let limits = config().ingest.limits();
-    replay(&maps, &limits).await.unwrap();
+    load_all(&maps, &limits).await.unwrap();
 
-    assert!(matches!(maps.get("maps-refused"), Err(MapError::Failed { .. })));
+    let got = maps.get("maps-refused");
+    assert!(matches!(got, Err(MapsError::Map(MapError::Failed { .. }))));
     assert!(maps.warnings()[0].starts_with("maps-refused: "), "{:?}", maps.warnings());
     let opening = check::opening(&good, &limits).unwrap();
     let refused = maps.open(&good, &opening).await.map(|_| ()).unwrap_err().to_string();
@@ -55,12 +56,15 @@ async fn a_map_that_was_rebuilt_in_part_is_deleted_as_a_whole() {
     record(&maps, &open_message("maps-part"), 0..2).await;
     // No file can be read there.
     std::fs::create_dir(folder.path().join("maps-part.map/0002.mcap")).unwrap();
-    replay(&maps, &config().ingest.limits()).await.unwrap();
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
     let refused = maps.get("maps-part").map(|_| ()).unwrap_err().to_string();
     assert!(refused.contains("could not be rebuilt") && !refused.contains('/'), "{refused}");
     assert!(engine().map("maps-part").is_err(), "no part of it takes a place");
     maps.delete("maps-part").await.unwrap();
-    assert!(matches!(maps.get("maps-part"), Err(MapError::NotFound { .. })), "no part is left");
+    assert!(
+        matches!(maps.get("maps-part"), Err(MapsError::Map(MapError::NotFound { .. }))),
+        "no part is left"
+    );
     assert!(!folder.path().join("maps-part.map").exists());
 }
 
@@ -69,7 +73,7 @@ async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
     let folder = tempfile::tempdir().unwrap();
     let maps = maps(folder.path());
     record(&maps, &open_message("maps-gone"), 0..2).await;
-    replay(&maps, &config().ingest.limits()).await.unwrap();
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
     assert_eq!(maps.get("maps-gone").unwrap().status().frames_received, 2);
     // The caller goes after the first step.
     let begun = tokio::time::timeout(Duration::ZERO, maps.delete("maps-gone")).await;
@@ -81,7 +85,7 @@ async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     assert!(!folder.path().join("maps-gone.map").exists());
-    assert!(matches!(maps.get("maps-gone"), Err(MapError::NotFound { .. })));
+    assert!(matches!(maps.get("maps-gone"), Err(MapsError::Map(MapError::NotFound { .. }))));
 }
 
 #[tokio::test]
@@ -90,7 +94,7 @@ async fn frames_that_are_refused_when_they_are_read_are_told() {
     let maps = maps(folder.path());
     record(&maps, &open_message("maps-order"), 5..8).await;
     record(&maps, &open_message("maps-order"), 0..2).await;
-    replay(&maps, &config().ingest.limits()).await.unwrap();
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
     let status = maps.get("maps-order").unwrap().status();
     assert_eq!(status.frames_received, 3);
     assert!(status.recording_damage.is_some_and(|words| words.starts_with("2 recorded frame(s)")));
@@ -107,7 +111,7 @@ async fn damage_is_told_in_the_status() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&file, &bytes).unwrap();
-    replay(&maps, &config().ingest.limits()).await.unwrap();
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
     let status = maps.get("maps-damaged").unwrap().status();
     assert_eq!(status.frames_received, 3, "one frame is lost");
     assert!(status.recording_damage.is_some_and(|words| words.contains(".damaged-")));

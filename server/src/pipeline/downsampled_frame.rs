@@ -4,8 +4,10 @@
 //! factor. Color is the mean of each block of pixels. Depth is the mean of the block's nearest surface.
 
 use super::frame::Frame;
+use super::saving::{CameraFields, packed};
 use lexsplat_gpu::Camera;
 use nalgebra::{Isometry3, Point3};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Depths within this share of the nearest depth of a block belong to the same surface. The mean over
@@ -16,13 +18,16 @@ const SAME_SURFACE: f32 = 0.02;
 const ON_SURFACE: f32 = 0.05;
 
 /// Color and depth of a frame at reduced resolution. Cloning shares the pixels.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct DownsampledFrame {
     /// Size, intrinsics and pose of the reduced image.
+    #[serde(with = "CameraFields")]
     pub camera: Camera,
     /// `[height * width * 3]`, row-major RGB, 8 bit.
+    #[serde(with = "packed")]
     pub rgb: Arc<[u8]>,
     /// `[height * width]`, metres; 0 where nothing was measured.
+    #[serde(with = "packed")]
     pub depth_metres: Arc<[f32]>,
 }
 

@@ -1,10 +1,11 @@
 //! Starts and owns everything behind the edges: the adapter, the networks, the maps and their threads.
 
+use super::checkpoint::{self, Checkpoint};
 use super::closure::ClosureConfig;
 use super::compressor::CompressorConfig;
 use super::encoder::{LanguageConfig, LanguageThread};
 use super::map::{Map, MapError, Message};
-use super::map_thread::{self, StageConfigs};
+use super::map_thread::start::{StageConfigs, spawn};
 use super::mapper::MapperConfig;
 use super::network::{Bundle, BundleError};
 use super::query::{
@@ -14,6 +15,7 @@ use super::query::{
 use super::snapshot::MapSnapshot;
 use super::tracker::TrackerConfig;
 use lexsplat_gpu::{Gpu, GpuError};
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
@@ -64,6 +66,7 @@ pub struct Engine {
     config: PipelineConfig,
     gpu: Gpu,
     bundle_name: String,
+    fingerprint: String,
     language: Arc<LanguageThread>,
     query: QueryThread,
     maps: Mutex<BTreeMap<String, Running>>,
@@ -81,6 +84,7 @@ impl Engine {
         let gpu = Gpu::new(config.adapter.as_deref())?;
         let bundle = Bundle::load(&config.language)?;
         let bundle_name = bundle.name().to_owned();
+        let fingerprint = fingerprint(&config, bundle.digest());
         let (vision, text) = bundle.split();
         let query = QueryThread::start(gpu.clone(), text, &config.query)?;
         let embed = query.embedder();
@@ -89,6 +93,7 @@ impl Engine {
             config,
             gpu,
             bundle_name,
+            fingerprint,
             language,
             query,
             maps: Mutex::default(),
@@ -107,6 +112,12 @@ impl Engine {
         &self.bundle_name
     }
 
+    /// A digest of all that decides what a map becomes, beside its frames: the program's version, the bundle
+    /// and the settings of the stages. A checkpoint can be continued by an engine with the same one.
+    pub fn fingerprint(&self) -> &str {
+        &self.fingerprint
+    }
+
     fn locked(&self) -> MutexGuard<'_, BTreeMap<String, Running>> {
         self.maps.lock().expect("no thread panics while it holds the list of maps")
     }
@@ -117,6 +128,18 @@ impl Engine {
     /// [`MapError::InvalidName`], [`MapError::AlreadyExists`], [`MapError::TooMany`],
     /// [`MapError::Failed`] if there is no thread or no device memory for it.
     pub fn create(&self, name: &str) -> Result<Arc<Map>, MapError> {
+        self.begin(name, None)
+    }
+
+    /// Creates a map that goes on where a checkpoint of a map with the same [`Engine::fingerprint`] ends.
+    ///
+    /// # Errors
+    /// As [`Engine::create`]; [`MapError::Failed`] also if the checkpoint does not fit.
+    pub fn restore(&self, name: &str, saved: Checkpoint) -> Result<Arc<Map>, MapError> {
+        self.begin(name, Some(saved))
+    }
+
+    fn begin(&self, name: &str, saved: Option<Checkpoint>) -> Result<Arc<Map>, MapError> {
         check_name(name)?;
         // One map at a time, so that its name stays free while its thread starts. That takes a second, during
         // which the list of maps stays readable.
@@ -133,7 +156,7 @@ impl Engine {
         }
         let PipelineConfig { compressor, tracker, closure, mapper, .. } = &self.config;
         let configs = StageConfigs { compressor, tracker, closure, mapper };
-        let (map, thread) = map_thread::spawn(name, &self.gpu, &self.language, configs)
+        let (map, thread) = spawn(name, &self.gpu, &self.language, configs, saved)
             .map_err(|reason| MapError::Failed { name: name.into(), reason })?;
         self.locked().insert(name.into(), Running { map: map.clone(), thread });
         Ok(map)
@@ -177,20 +200,20 @@ impl Engine {
         Ok(())
     }
 
-    /// Answers a question from the map's newest snapshot.
+    /// Answers a question from a snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the question.
     pub async fn query(
         &self,
         client: &Client,
-        map: &Map,
+        snapshot: Arc<MapSnapshot>,
         query: Query,
     ) -> Result<Answer, QueryError> {
-        self.query.ask(client, map.snapshot(), query).await
+        self.query.ask(client, snapshot, query).await
     }
 
-    /// Answers a question from a given snapshot.
+    /// Answers a question of the server itself.
     ///
     /// # Errors
     /// As [`Engine::query`].
@@ -202,17 +225,17 @@ impl Engine {
         self.query.ask(&Client::server(), snapshot, query).await
     }
 
-    /// Compares several texts with each other in the map's newest snapshot.
+    /// Compares several texts with each other in a snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the texts.
     pub async fn segment(
         &self,
         client: &Client,
-        map: &Map,
+        snapshot: Arc<MapSnapshot>,
         request: SegmentationRequest,
     ) -> Result<Segmentation, QueryError> {
-        self.query.segment(client, map.snapshot(), request).await
+        self.query.segment(client, snapshot, request).await
     }
 
     /// Renders the map's newest snapshot.
@@ -268,7 +291,27 @@ async fn stop(running: Running) {
     }
 }
 
-fn check_name(name: &str) -> Result<(), MapError> {
+fn fingerprint(config: &PipelineConfig, bundle: &str) -> String {
+    // These settings do not change a map.
+    let unimportant = MapperConfig::default();
+    let mapper = MapperConfig {
+        max_maps: unimportant.max_maps,
+        queue_frames: unimportant.queue_frames,
+        snapshot_seconds: unimportant.snapshot_seconds,
+        ..config.mapper.clone()
+    };
+    let PipelineConfig { compressor, tracker, closure, .. } = config;
+    let version = (env!("CARGO_PKG_VERSION"), checkpoint::VERSION);
+    let all = (version, bundle, compressor, tracker, closure, mapper);
+    let bytes = rmp_serde::to_vec_named(&all).expect("settings can be written");
+    Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Whether a map may have this name.
+///
+/// # Errors
+/// [`MapError::InvalidName`].
+pub(crate) fn check_name(name: &str) -> Result<(), MapError> {
     let good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
     if name.is_empty()
         || name.len() > MAX_NAME_BYTES

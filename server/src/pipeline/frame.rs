@@ -6,11 +6,13 @@
 use super::exposure;
 use super::input_warning::InputWarning;
 use super::pose_covariance::carried;
+use super::saving::{packed, texts};
 use nalgebra::{Isometry3, Matrix6};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Pinhole intrinsics in pixels; the centre of the top-left pixel is (0, 0).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Columns.
     pub width: u32,
@@ -42,7 +44,7 @@ impl Intrinsics {
 }
 
 /// One checked RGB-D frame: color and depth are registered and of the size of `intrinsics`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Frame {
     /// Strictly increasing within a map.
     pub sequence: u64,
@@ -51,8 +53,10 @@ pub struct Frame {
     /// The camera.
     pub intrinsics: Intrinsics,
     /// `[height * width * 3]`, row-major RGB, 8 bit.
+    #[serde(with = "packed")]
     pub rgb: Arc<[u8]>,
     /// `[height * width]`, camera z in metres; 0 is no measurement, nothing is NaN or infinite.
+    #[serde(with = "packed")]
     pub depth_metres: Arc<[f32]>,
     /// The given pose, rigid and finite; `None` if the server is to track.
     pub world_from_camera: Option<Isometry3<f64>>,
@@ -65,16 +69,18 @@ pub struct Frame {
 }
 
 /// Labels sent with a frame: a text for each pixel.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Labels {
     /// `[height * width]`; 0 is no label, n stands for `texts[n - 1]`; n is at most the number of texts.
+    #[serde(with = "packed")]
     pub ids: Arc<[u16]>,
     /// The text of each label; an empty text counts as no label.
+    #[serde(with = "texts")]
     pub texts: Arc<[String]>,
 }
 
 /// A robot's own estimate of its pose.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseHint {
     /// The pose, rigid and finite.
     pub world_from_camera: Isometry3<f64>,
@@ -84,7 +90,7 @@ pub struct PoseHint {
 }
 
 /// Whether the newest frame has a pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TrackingState {
     /// No frame yet.
     Empty,
@@ -124,7 +130,7 @@ pub(super) struct TrackedPose {
 }
 
 /// A tracked frame's place on the trajectory.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct TrackedFrame {
     /// Sequence number of the frame.
     pub sequence: u64,

@@ -2,8 +2,10 @@
 //!
 //! A warning changes nothing: frames are accepted and mapped as they are.
 
+use serde::{Deserialize, Serialize};
+
 /// What is probably wrong with the frames of a stream.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum InputProblem {
     /// Depth is in another unit than the server was told, or than the poses.
     DepthUnit,
@@ -28,7 +30,7 @@ impl InputProblem {
 }
 
 /// A warning about the frames of a stream.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputWarning {
     /// What is wrong.
     pub problem: InputProblem,

@@ -6,6 +6,7 @@
 
 mod backdrop;
 mod bilinear;
+pub mod checkpoint;
 pub mod closure;
 pub mod compressor;
 mod depth_gaps;
@@ -15,6 +16,7 @@ pub mod engine;
 mod exposure;
 mod features;
 pub mod frame;
+mod frame_times;
 mod input_check;
 pub mod input_warning;
 mod keyframes;
@@ -29,6 +31,7 @@ mod pose_graph;
 mod quantile;
 pub mod query;
 pub mod range;
+mod saving;
 pub mod snapshot;
 mod srd;
 pub mod tracker;

@@ -4,13 +4,14 @@
 //! scaled by learning rates.
 
 use nalgebra::SVector;
+use serde::{Deserialize, Serialize};
 
 const FIRST_MOMENT: f64 = 0.9;
 const SECOND_MOMENT: f64 = 0.999;
 const EPSILON: f64 = 1e-15;
 
 /// Adam's moments for [rho, theta, a, b].
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct PoseAdam {
     steps: i32,
     first: SVector<f64, 8>,

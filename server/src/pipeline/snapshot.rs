@@ -12,6 +12,8 @@ pub struct MapSnapshot {
     pub map: String,
     /// Increases with every snapshot.
     pub revision: u64,
+    /// Sequence number of the newest frame that the map had then, tracked or lost.
+    pub through: Option<u64>,
     /// All Gaussians. Their language codes belong to `online`'s version; a code of zeros means "no language
     /// yet".
     pub gaussians: Arc<HostGaussians>,

@@ -18,6 +18,8 @@ const LOCK: &str = "lexsplat.lock";
 const MAP: &str = ".map";
 /// Ending of the folder of a map that was deleted.
 const DELETED: &str = ".map.deleted";
+/// Ending of the folder of a backup that is being put in place.
+const UNFINISHED: &str = ".map.unfinished";
 
 /// A data directory that this server alone uses, until it is dropped or the process ends.
 pub(super) struct Directory {
@@ -35,8 +37,7 @@ impl Directory {
         std::fs::create_dir_all(path).map_err(io("create the data directory"))?;
         let lock = locked(path)?;
         let directory = Self { path: path.to_owned(), _lock: lock };
-        for name in directory.folders(DELETED)? {
-            let folder = path.join(format!("{name}{DELETED}"));
+        for (_, folder) in folders(path, DELETED)?.into_iter().chain(folders(path, UNFINISHED)?) {
             std::fs::remove_dir_all(&folder).map_err(io("remove a deleted map from"))?;
         }
         Ok(directory)
@@ -47,7 +48,28 @@ impl Directory {
     /// # Errors
     /// [`StoreError::Io`].
     pub(super) fn maps(&self) -> Result<Vec<String>, StoreError> {
-        self.folders(MAP)
+        Ok(maps_in(&self.path)?.into_iter().map(|(name, _)| name).collect())
+    }
+
+    /// The folder of a map that is not complete yet.
+    pub(super) fn unfinished(&self, name: &str) -> PathBuf {
+        self.path.join(format!("{name}{UNFINISHED}"))
+    }
+
+    /// Makes an unfinished folder, whose files are on disk, the folder of a map, which must have none.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`]; then the unfinished folder is gone.
+    pub(super) fn finish(&self, name: &str) -> Result<(), StoreError> {
+        let (unfinished, folder) = (self.unfinished(name), self.map(name));
+        // Renaming onto a folder with files is an error.
+        let renamed =
+            std::fs::rename(&unfinished, &folder).and_then(|()| sync_directory(&self.path));
+        renamed.map_err(|reason| {
+            // What is left is removed at the next start.
+            let _ = std::fs::remove_dir_all(&unfinished);
+            StoreError::io("create", &folder, reason)
+        })
     }
 
     /// The folder of a map. Names of maps have no path separators.
@@ -69,24 +91,32 @@ impl Directory {
             .and_then(|()| std::fs::remove_dir_all(&deleted));
         removed.map_err(|reason| StoreError::io("remove", &folder, reason))
     }
+}
 
-    /// The stems of all folders with this ending, sorted.
-    fn folders(&self, ending: &str) -> Result<Vec<String>, StoreError> {
-        let failed = |reason| StoreError::io("list", &self.path, reason);
-        let mut stems = Vec::new();
-        for entry in std::fs::read_dir(&self.path).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            let name = entry.file_name();
-            let stem = name.to_str().and_then(|name| name.strip_suffix(ending));
-            if let Some(stem) = stem.filter(|stem| !stem.is_empty())
-                && entry.path().is_dir()
-            {
-                stems.push(stem.to_owned());
-            }
+/// The names and folders of all maps in a data directory, sorted. Needs no lock.
+///
+/// # Errors
+/// [`StoreError::Io`].
+pub(super) fn maps_in(directory: &Path) -> Result<Vec<(String, PathBuf)>, StoreError> {
+    folders(directory, MAP)
+}
+
+/// All folders with this ending, with their stems, sorted.
+fn folders(directory: &Path, ending: &str) -> Result<Vec<(String, PathBuf)>, StoreError> {
+    let failed = |reason| StoreError::io("list", directory, reason);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(directory).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name();
+        let stem = name.to_str().and_then(|name| name.strip_suffix(ending));
+        if let Some(stem) = stem.filter(|stem| !stem.is_empty())
+            && entry.path().is_dir()
+        {
+            found.push((stem.to_owned(), entry.path()));
         }
-        stems.sort();
-        Ok(stems)
     }
+    found.sort();
+    Ok(found)
 }
 
 /// Takes the lock of a directory and writes into it who has it.

@@ -4,22 +4,31 @@
 //! which robotics tools open, in a folder for each map in the data directory. Without a data directory
 //! nothing is recorded.
 //!
+//! Beside the recording there is a checkpoint: the state of the map after one of the frames.
+//!
 //! Each frame is a chunk with a checksum, and on disk before it is mapped or acknowledged. What a crash left
 //! of a frame is cut off. Any other damage is reported, what is whole is used, and the file is set aside.
 
+mod backup;
+mod checkpoints;
 mod directory;
 mod error;
+mod examine;
 mod messages;
 mod reader;
 mod recording;
 mod writer;
 
+pub(crate) use backup::{Backup, BackupFault};
+pub(crate) use checkpoints::{CheckpointFault, CheckpointReader, Label};
 pub(crate) use error::StoreError;
+pub(crate) use examine::{MapReport, examine};
 pub(crate) use reader::{Damage, Entry};
 pub(crate) use recording::{Recorder, Records};
 
 use directory::Directory;
 use lexsplat_proto::v1;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -72,6 +81,16 @@ impl Store {
         self.directory.as_ref().map_or(Ok(Vec::new()), |directory| directory.maps())
     }
 
+    /// Whether frames are recorded.
+    pub(crate) fn is_recording(&self) -> bool {
+        self.directory.is_some()
+    }
+
+    /// Whether there is a folder for the map.
+    pub(crate) fn has(&self, map: &str) -> bool {
+        self.directory.as_ref().is_some_and(|directory| directory.map(map).is_dir())
+    }
+
     /// Reads a map's recording.
     ///
     /// # Errors
@@ -79,6 +98,53 @@ impl Store {
     pub(crate) fn records(&self, map: &str) -> Result<Records, StoreError> {
         let folder = self.directory.as_ref().map(|directory| directory.map(map));
         Records::open(folder.unwrap_or_default())
+    }
+
+    /// Writes a checkpoint of a map and removes older ones. Returns its bytes; `None` if nothing is recorded.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`]; then the older checkpoints are as they were.
+    pub(crate) fn save(
+        &self,
+        label: &Label,
+        write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<Option<u64>, StoreError> {
+        let Some(directory) = &self.directory else { return Ok(None) };
+        checkpoints::write(&directory.map(&label.map), label, write).map(Some)
+    }
+
+    /// The checkpoints of a map, newest first.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn checkpoints(&self, map: &str) -> Result<Vec<PathBuf>, StoreError> {
+        let Some(directory) = &self.directory else { return Ok(Vec::new()) };
+        let folder = directory.map(map);
+        if folder.is_dir() { checkpoints::list(&folder) } else { Ok(Vec::new()) }
+    }
+
+    /// Opens the files of a map for a backup; `None` if the map has none.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn backup(&self, map: &str) -> Result<Option<Backup>, StoreError> {
+        let Some(directory) = self.directory.as_ref().filter(|_| self.has(map)) else {
+            return Ok(None);
+        };
+        let backup = Backup::open(&directory.map(map))?;
+        Ok(Some(backup).filter(|backup| !backup.is_empty()))
+    }
+
+    /// Unpacks a backup, checks it, and makes it the folder of a map that has none; as a whole or not at
+    /// all. Returns `false` if nothing is recorded here.
+    ///
+    /// # Errors
+    /// [`BackupFault`].
+    pub(crate) fn restore(&self, map: &str, tar: impl Read) -> Result<bool, BackupFault> {
+        let Some(directory) = &self.directory else { return Ok(false) };
+        backup::unpack(&directory.unfinished(map), tar)?;
+        directory.finish(map)?;
+        Ok(true)
     }
 
     /// Files of a map's recording that were damaged and set aside.

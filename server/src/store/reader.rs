@@ -87,6 +87,25 @@ impl Reader {
         Ok(reader)
     }
 
+    /// Chunks up to the first record that does not end in the file.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn count_chunks(&mut self) -> Result<u64, StoreError> {
+        let (mut at, mut chunks) = (mcap::MAGIC.len() as u64, 0);
+        while at + RECORD_HEADER <= self.bytes {
+            let (code, length) = self.header(at)?;
+            let end = (at + RECORD_HEADER).checked_add(length);
+            let Some(end) = end.filter(|end| *end <= self.bytes) else { break };
+            chunks += u64::from(code == op::CHUNK);
+            if code == op::DATA_END {
+                break;
+            }
+            at = end;
+        }
+        Ok(chunks)
+    }
+
     /// Whether the file was closed properly.
     pub(super) fn is_finished(&self) -> bool {
         self.is_finished

@@ -16,6 +16,11 @@ const DAMAGED: &str = ".mcap.damaged-";
 /// Ending of a file that is being repaired.
 const REPAIRED: &str = ".mcap.repaired";
 
+/// Whether a file of this name is a recording.
+pub(super) fn is_recording(name: &str) -> bool {
+    name.strip_suffix(MCAP).is_some_and(|stem| stem.parse::<u32>().is_ok())
+}
+
 /// The wanted names in a map's folder, by the number that they begin with.
 fn names(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<Vec<String>, StoreError> {
     let failed = |reason| StoreError::io("list", folder, reason);
@@ -123,9 +128,17 @@ impl Records {
     /// # Errors
     /// [`StoreError::Io`].
     pub(super) fn open(folder: PathBuf) -> Result<Self, StoreError> {
-        let mut waiting = names(&folder, |name| name.ends_with(MCAP) && number(name).is_some())?;
+        let mut waiting = names(&folder, is_recording)?;
         waiting.reverse();
         Ok(Self { folder, waiting, current: None, is_damaged: false })
+    }
+
+    /// Frames in the recording, counted by the chunks of its files without reading them: damage is not seen.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn count_frames(&self) -> Result<u64, StoreError> {
+        self.waiting.iter().map(|name| Reader::open(&self.folder.join(name))?.count_chunks()).sum()
     }
 
     /// The next message or damage; `None` at the end. A file that is damaged, or was not finished because

@@ -1,11 +1,11 @@
 //! `lexsplat export`: saves a map as a file.
 
 use crate::access::AccessOptions;
-use crate::waiting::Waiting;
+use crate::waiting::{self, Waiting};
 use anyhow::{Context as _, Result, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use lexsplat_client::http::HttpClient;
+use lexsplat_client::http::{HttpClient, MapFile};
 use std::path::{Path, PathBuf};
 
 /// Save a map as a file
@@ -72,16 +72,16 @@ impl Format {
 /// Runs the command.
 pub async fn run(arguments: &Export) -> Result<()> {
     let Export { map, format, voxel, text, http, access, waiting, file } = arguments;
-    let client = HttpClient::with_access(http, &access.read()?)?;
-    waiting.until_settled(&client, map).await?;
+    let client = waiting.client(http, &access.read()?)?;
     let mut options = Vec::new();
     options.extend(voxel.map(|metres| ("voxel", metres.to_string())));
     options.extend(text.clone().map(|text| ("text", text)));
-    let bytes = match format.file() {
+    let MapFile { bytes, of } = match format.file() {
         Some(name) => download(&client, map, name, &options).await?,
         None if !options.is_empty() => bail!("--voxel and --text are for --format mesh"),
-        None => client.trajectory(map).await?,
+        None => waiting::shown(client.trajectory(map)).await?,
     };
+    waiting::note(&of);
     save(file, &bytes)?;
     println!("wrote {} ({:.1} MB)", file.display(), bytes.len() as f64 / 1e6);
     Ok(())
@@ -92,16 +92,16 @@ async fn download(
     map: &str,
     name: &str,
     options: &[(&str, String)],
-) -> Result<Vec<u8>> {
+) -> Result<MapFile> {
     let bar = ProgressBar::new(0);
     bar.set_style(ProgressStyle::with_template("{bar:30} {bytes}/{total_bytes}  {bytes_per_sec}")?);
     let progress = |done: u64, total: Option<u64>| {
         bar.set_length(total.unwrap_or(done));
         bar.set_position(done);
     };
-    let bytes = client.export(map, name, options, progress).await;
+    let file = client.export(map, name, options, progress).await;
     bar.finish_and_clear();
-    Ok(bytes?)
+    Ok(file?)
 }
 
 /// Writes to a temporary file beside it first, so that the file is always complete.

@@ -5,10 +5,10 @@ use super::segment;
 use crate::access::AccessOptions;
 use crate::answer::{best_object, metres, shown};
 use crate::files::{make_folder, save, save_image};
-use crate::waiting::Waiting;
+use crate::waiting::{self, Waiting};
 use anyhow::{Context as _, Result};
 use lexsplat_client::http::{
-    Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, View, project,
+    Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, ReadOf, View, project,
 };
 use lexsplat_evaluate::table::{Column, table};
 use std::path::{Path, PathBuf};
@@ -62,14 +62,15 @@ const GOOD_DISTANCE_METRES: f64 = 1.8;
 /// Runs the command.
 pub async fn run(arguments: &Query) -> Result<()> {
     let Query { texts, map, frame, out, http, access, json, .. } = arguments;
-    let client = HttpClient::with_access(http, &access.read()?)?;
-    arguments.waiting.until_settled(&client, map).await?;
+    let client = arguments.waiting.client(http, &access.read()?)?;
     let question = arguments.question();
     if texts.len() > 1 {
         let asked = segment::Asked { client: &client, map, question: &question, json: *json };
         return segment::run(&asked, out).await;
     }
-    let answer = client.query(map, &question).await?;
+    let answer = waiting::shown(client.query(map, &question)).await?;
+    let Answer { revision, through, settled, .. } = answer;
+    waiting::note(&ReadOf { revision, through, settled });
     make_folder(out)?;
     if *json {
         println!("{}", serde_json::to_string_pretty(&answer)?);

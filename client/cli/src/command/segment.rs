@@ -3,9 +3,10 @@
 //! map.
 
 use crate::files::{make_folder, save, save_image};
+use crate::waiting;
 use anyhow::{Context as _, Result};
 use image::RgbImage;
-use lexsplat_client::http::{HttpClient, LegendEntry, Question, Segmentation};
+use lexsplat_client::http::{HttpClient, LegendEntry, Question, ReadOf, Segmentation};
 use lexsplat_evaluate::overlay;
 use lexsplat_evaluate::table::{Column, table};
 use std::path::Path;
@@ -28,7 +29,9 @@ pub struct Asked<'a> {
 /// Asks, prints and writes files into `out`.
 pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     let Asked { client, map, question, json } = asked;
-    let found = client.segment(map, question).await?;
+    let found = waiting::shown(client.segment(map, question)).await?;
+    let Segmentation { revision, through, settled, .. } = found;
+    waiting::note(&ReadOf { revision, through, settled });
     make_folder(out)?;
     match json {
         true => println!("{}", serde_json::to_string_pretty(&found)?),

@@ -18,7 +18,6 @@ use nalgebra::Isometry3;
 use serde_json::Value;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower::Service as _;
 
@@ -29,7 +28,6 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 struct Server {
     router: Router,
-    _ready: watch::Sender<bool>,
     stopping: CancellationToken,
 }
 
@@ -51,17 +49,15 @@ impl Reply {
 
 impl Server {
     fn start() -> Self {
-        let (ready_in, ready) = watch::channel(true);
         let stopping = CancellationToken::new();
         let router = router(Context {
             maps: RecordedMaps::new(engine(), Store::default()),
             gate: Gate::new(AccessConfig::default()).unwrap(),
             config: HttpConfig { max_body_bytes: 16 << 10, ..HttpConfig::default() },
             body_limit: PATIENCE,
-            ready,
             stopping: stopping.clone(),
         });
-        Self { router, _ready: ready_in, stopping }
+        Self { router, stopping }
     }
 
     async fn send(&self, request: Request<Body>) -> Reply {

@@ -15,6 +15,7 @@ use super::config::ClosureConfig;
 use super::parts::{MapParts, poses};
 use lexsplat_gpu::GpuError;
 use nalgebra::{Isometry3, Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
 
 /// The path's covariance may be this many times what the graph expects.
 const PATH_FACTOR: f64 = 4.0;
@@ -38,8 +39,8 @@ const ENOUGH: usize = 2;
 const IN_VIEW: f64 = 0.6;
 
 /// An old keyframe that the new one was recognised beside.
-#[derive(Clone, Debug)]
-pub(super) struct Recognised {
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(in super::super) struct Recognised {
     /// From the old keyframe to the new one.
     pub edge: Edge,
     /// `moved_from_world`, which brings the new keyframe to where the old one says that it is.
@@ -47,8 +48,8 @@ pub(super) struct Recognised {
 }
 
 /// Remembers a place that nothing has confirmed yet.
-#[derive(Default)]
-pub(super) struct Detection {
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(in super::super) struct Detection {
     waiting: Option<Recognised>,
 }
 

@@ -18,12 +18,13 @@ mod parts;
 mod tests;
 
 pub use config::ClosureConfig;
+pub(super) use detect::Detection;
 pub(super) use parts::MapParts;
 
 use super::keyframes::Keyframe;
 use super::live_map::LiveMap;
 use super::pose_graph::Edge;
-use detect::{Detection, Recognised};
+use detect::Recognised;
 use lexsplat_gpu::GpuError;
 use nalgebra::Isometry3;
 use parts::poses;
@@ -41,6 +42,16 @@ pub(super) struct Closure {
 impl Closure {
     pub fn new(config: &ClosureConfig) -> Self {
         Self { config: config.clone(), detection: Detection::default() }
+    }
+
+    /// A place that waits for another one to confirm it.
+    pub fn save(&self) -> Detection {
+        self.detection.clone()
+    }
+
+    /// Puts back what was saved.
+    pub fn restore(&mut self, saved: Detection) {
+        self.detection = saved;
     }
 
     /// Forgets what it waits for: the map was emptied.

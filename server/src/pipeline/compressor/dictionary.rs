@@ -18,6 +18,7 @@ use super::rows::normalise_rows;
 use crate::pipeline::network::GENERIC_SIZE;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// The most entries.
 const CAPACITY: usize = 512;
@@ -39,7 +40,7 @@ const MIN_KEPT: f32 = 0.25;
 const BATCH: usize = 1024;
 
 /// Directions of the observed codes.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Dictionary {
     radius: f32,
     /// Sums of the codes of each entry, `[k, 32]`.
@@ -154,7 +155,7 @@ impl Dictionary {
 }
 
 /// Decodes online codes to generic codes.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct DictionaryDecoder {
     /// `[code_size, 32]`.
     basis: Array2<f32>,

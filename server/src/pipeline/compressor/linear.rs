@@ -14,8 +14,10 @@ use super::dictionary::{Dictionary, DictionaryDecoder};
 use super::online_stage::OnlineStage;
 use super::rows::normalise_rows;
 use crate::pipeline::network::GENERIC_SIZE;
+use crate::pipeline::saving::packed;
 use nalgebra::{DMatrix, SMatrix, SVector, SymmetricEigen};
 use ndarray::{Array2, Axis};
+use serde::{Deserialize, Serialize};
 
 type Moments = SMatrix<f64, GENERIC_SIZE, GENERIC_SIZE>;
 type Code = SVector<f64, GENERIC_SIZE>;
@@ -24,7 +26,7 @@ type Code = SVector<f64, GENERIC_SIZE>;
 const BLOCK: usize = 512;
 
 /// Running principal directions of all observed codes.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Linear {
     code_size: usize,
     tolerance: f64,
@@ -33,8 +35,10 @@ pub(super) struct Linear {
     /// Sum over keyframes of the mean of g gᵀ.
     moments: Moments,
     /// `[code_size, 32]`, orthonormal rows.
+    #[serde(with = "packed")]
     basis: Vec<f32>,
     dictionary: Dictionary,
+    #[serde(skip)]
     decoder: DictionaryDecoder,
 }
 
@@ -58,6 +62,12 @@ impl Linear {
             basis,
             dictionary,
         }
+    }
+
+    /// Makes what is not saved.
+    pub(super) fn restored(mut self) -> Self {
+        self.decoder = self.dictionary.decoder(&self.basis);
+        self
     }
 
     /// Squared length that a basis keeps, summed over the moments.
@@ -112,6 +122,10 @@ impl OnlineStage for Linear {
         let mut generic = self.decoder.decode(codes);
         normalise_rows(&mut generic, GENERIC_SIZE);
         generic
+    }
+
+    fn save(&self) -> Vec<u8> {
+        rmp_serde::to_vec_named(self).expect("numbers can be written")
     }
 
     fn boxed_clone(&self) -> Box<dyn OnlineStage> {

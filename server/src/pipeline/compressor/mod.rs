@@ -31,5 +31,19 @@ pub fn online(config: &CompressorConfig) -> Box<dyn OnlineStage> {
     }
 }
 
+/// The configured online stage in a state that [`OnlineStage::save`] wrote.
+///
+/// # Errors
+/// If the bytes are not of the configured stage.
+pub fn restored(
+    config: &CompressorConfig,
+    saved: &[u8],
+) -> Result<Box<dyn OnlineStage>, rmp_serde::decode::Error> {
+    Ok(match config.stage {
+        Stage::Linear => Box::new(rmp_serde::from_slice::<Linear>(saved)?.restored()),
+        Stage::Mlp => Box::new(rmp_serde::from_slice::<Mlp>(saved)?),
+    })
+}
+
 #[cfg(test)]
 mod tests;

@@ -20,6 +20,8 @@ pub trait OnlineStage: Send + Sync {
     fn carried(&self, old: &dyn OnlineStage, codes: &[f32]) -> Vec<f32> {
         self.encode(&old.decode(codes))
     }
+    /// The current state as bytes, for `restored`.
+    fn save(&self) -> Vec<u8>;
     /// A copy of the current state.
     fn boxed_clone(&self) -> Box<dyn OnlineStage>;
 }

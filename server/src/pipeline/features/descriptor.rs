@@ -3,6 +3,7 @@
 use super::grey::Grey;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
 /// Bits of a descriptor.
@@ -28,7 +29,7 @@ static PAIRS: LazyLock<Vec<[[f32; 2]; 2]>> = LazyLock::new(|| {
 });
 
 /// One bit for each pair of points: whether the first is darker.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Descriptor([u64; BITS / 64]);
 
 impl Descriptor {

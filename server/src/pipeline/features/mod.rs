@@ -18,6 +18,7 @@ use super::downsampled_frame::DownsampledFrame;
 use descriptor::Descriptor;
 pub(super) use grey::Grey;
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 /// Descriptors that differ in more of their 256 bits are of different things.
 const MAX_BITS: u32 = 64;
@@ -27,7 +28,7 @@ const UNIQUE: f32 = 0.85;
 const QUICK: usize = 96;
 
 /// Corners of one image, the most distinct first.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Features {
     /// Positions in the camera's coordinates, metres.
     points: Vec<Point3<f64>>,

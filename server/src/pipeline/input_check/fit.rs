@@ -7,6 +7,7 @@
 use super::reading::{CONVENTIONS, Convention};
 use super::small_frame::SmallFrame;
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 
 /// Every so many columns and rows are compared.
 const STEP: usize = 5;
@@ -18,7 +19,7 @@ const AGREEING: f32 = 0.03;
 const LEAST_SHARED: f32 = 0.25;
 
 /// How well two frames fit together under one reading.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Fit {
     /// Mean difference of depth on the shared surface, as a share of the largest one that counts: 0 to 1.
     pub cost: f32,

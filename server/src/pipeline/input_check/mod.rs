@@ -21,6 +21,7 @@ use super::input_warning::InputWarning;
 use super::quantile::median;
 use pose_check::PoseCheck;
 use registration::RegistrationCheck;
+use serde::{Deserialize, Serialize};
 use small_frame::{Glance, SmallFrame};
 use std::collections::VecDeque;
 
@@ -39,6 +40,7 @@ const LEAST_SIZES: usize = 4;
 const ROOM_METRES: std::ops::Range<f32> = 0.05..50.0;
 
 /// The examination of one stream.
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct InputCheck {
     newest: Option<Glance>,
     examined: usize,

@@ -4,9 +4,11 @@
 //! better than what was sent, if there is one. If none explains them (poses that belong to other frames),
 //! nothing is said.
 
+use super::super::saving::packed;
 use super::fit::{Fit, fits};
 use super::reading::{CONVENTIONS, Reading, depth_factors};
 use super::small_frame::SmallFrame;
+use serde::{Deserialize, Serialize};
 
 /// Pairs that a verdict needs.
 const LEAST_PAIRS: usize = 8;
@@ -52,7 +54,9 @@ pub(super) struct Verdict {
 }
 
 /// Collects pairs of frames.
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct PoseCheck {
+    #[serde(with = "packed")]
     factors: Vec<f32>,
     /// Index of the reading of what was sent.
     sent: usize,

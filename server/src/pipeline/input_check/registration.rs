@@ -6,6 +6,7 @@
 
 use super::edges;
 use super::small_frame::SmallFrame;
+use serde::{Deserialize, Serialize};
 
 /// Enlargements of the depth picture about its middle that are tried.
 const SCALES: [f32; 18] =
@@ -65,6 +66,7 @@ pub(super) struct Verdict {
 }
 
 /// Collects frames.
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct RegistrationCheck {
     /// Scores of each frame at each placement; the first placement is what was sent.
     frames: Vec<Vec<f32>>,

@@ -4,8 +4,10 @@ use super::super::downsampled_frame::DownsampledFrame;
 use super::super::features::Grey;
 use super::super::frame::Frame;
 use super::super::quantile::median;
+use super::super::saving::{CameraFields, packed};
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Columns of the pictures that are compared.
@@ -22,12 +24,16 @@ const ALIKE: f32 = 0.6;
 const LEAST_DEPTH: f32 = 0.1;
 
 /// A frame at reduced size.
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct SmallFrame {
     /// Size and intrinsics; its pose is not used.
+    #[serde(with = "CameraFields")]
     pub camera: Camera,
     /// `[height * width]` brightness, 0 to 255.
+    #[serde(with = "packed")]
     pub grey: Vec<f32>,
     /// `[height * width]`, metres as sent; 0 where nothing was measured.
+    #[serde(with = "packed")]
     pub depth_metres: Arc<[f32]>,
     /// The pose as sent; absent if the sender gave none that it believes in.
     pub world_from_camera: Option<Isometry3<f64>>,
@@ -60,6 +66,7 @@ impl SmallFrame {
 }
 
 /// Every so many pixels of a frame, to tell cheaply whether another frame shows the same.
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Glance {
     /// Brightness, 0 to 255, and depth in metres of each sampled pixel.
     pixels: Vec<(f32, f32)>,

@@ -47,7 +47,7 @@ pub(in super::super) struct Keyframe {
     /// Its language, once the networks are done.
     pub language: Option<KeyframeLanguage>,
     /// Some measured points in the keyframe's own camera.
-    overlap_points: Vec<Point3<f64>>,
+    pub(super) overlap_points: Vec<Point3<f64>>,
 }
 
 /// Resolutions at which a keyframe is kept, in columns at most.

@@ -15,9 +15,9 @@ pub(in super::super) struct KeyframeLanguage {
     /// `[height * width * 15]` on the device, see [`KeyframeLanguage::refresh_target`].
     pub target: LanguageTarget,
     /// `[height * width * 32]`, row-major. Half precision changes a unit code by less than 0.0005.
-    codes: Vec<f16>,
+    pub(super) codes: Vec<f16>,
     /// Version of the online stage that encoded the target.
-    version: u64,
+    pub(super) version: u64,
 }
 
 impl KeyframeLanguage {

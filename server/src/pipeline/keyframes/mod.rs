@@ -8,11 +8,13 @@
 mod budget;
 mod keyframe;
 mod language;
+mod state;
 mod surface_sample;
 mod thumbnail;
 
 pub(super) use keyframe::{Keyframe, KeyframeWidths};
 pub(super) use language::KeyframeLanguage;
+pub(super) use state::KeyframeState;
 pub(super) use surface_sample::SurfaceSample;
 pub(super) use thumbnail::Thumbnail;
 
@@ -31,6 +33,16 @@ pub(super) struct KeyframeStore {
 }
 
 impl KeyframeStore {
+    /// A store with these keyframes, and the poses of those that were forgotten.
+    pub fn restored(keyframes: Vec<Keyframe>, forgotten: BTreeMap<u64, TrackedFrame>) -> Self {
+        Self { keyframes, forgotten }
+    }
+
+    /// Poses of forgotten keyframes, by sequence number.
+    pub fn forgotten(&self) -> &BTreeMap<u64, TrackedFrame> {
+        &self.forgotten
+    }
+
     pub fn add(&mut self, keyframe: Keyframe) {
         self.keyframes.push(keyframe);
     }

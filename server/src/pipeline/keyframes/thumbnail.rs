@@ -2,6 +2,8 @@
 //! Murray 2008).
 
 use super::super::downsampled_frame::DownsampledFrame;
+use super::super::saving::packed;
+use serde::{Deserialize, Serialize};
 
 const COLUMNS: usize = 40;
 const ROWS: usize = 30;
@@ -9,8 +11,8 @@ const ROWS: usize = 30;
 const BLURS: usize = 3;
 
 /// A blurred grey image of 40x30 pixels with mean 0 and norm 1; all zeros if the image has no contrast.
-#[derive(Clone, Debug, PartialEq)]
-pub(in super::super) struct Thumbnail(Vec<f32>);
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(in super::super) struct Thumbnail(#[serde(with = "packed")] Vec<f32>);
 
 impl Thumbnail {
     /// Reduces a frame to its thumbnail.

@@ -3,9 +3,11 @@
 //! No threads, channels or kernels: the stages of `mapper/` work on this state, and the map's thread decides
 //! when. What a checkpoint has to save is this struct.
 
+mod state;
 mod step_budget;
 mod trajectory;
 
+pub(super) use state::LiveState;
 pub(super) use step_budget::{StepBudget, StepKind};
 pub(super) use trajectory::Trajectory;
 

@@ -5,6 +5,8 @@
 //! `language_every` also optimises language. Afterwards language steps are taken alone, so that slow
 //! networks cost time and not quality.
 
+use serde::{Deserialize, Serialize};
+
 /// Learning rates decay over this last share of the earned steps.
 const DECAY_SHARE: f32 = 0.25;
 /// The smallest factor of a decayed learning rate.
@@ -18,7 +20,7 @@ pub(in super::super) struct StepKind {
 }
 
 /// Steps that were earned and are not taken yet.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in super::super) struct StepBudget {
     per_keyframe: usize,
     language_every: usize,

@@ -4,7 +4,9 @@
 use super::super::frame::{Frame, TrackedFrame, TrackedPose};
 use super::super::keyframes::KeyframeStore;
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 
+#[derive(Clone, Serialize, Deserialize)]
 struct Entry {
     /// The frame with the pose and exposure it was tracked with.
     frame: TrackedFrame,
@@ -15,7 +17,7 @@ struct Entry {
 }
 
 /// All tracked frames in order of their sequence numbers.
-#[derive(Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(in super::super) struct Trajectory {
     entries: Vec<Entry>,
 }

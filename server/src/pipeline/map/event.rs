@@ -1,7 +1,9 @@
 //! Events of a map: what its thread receives, and what its watchers are told.
 
+use super::super::checkpoint::Checkpoint;
 use super::super::encoder::LanguageMap;
 use super::super::frame::{Frame, FrameOutcome};
+use super::super::frame_times::FrameTimes;
 use super::super::input_warning::InputWarning;
 use tokio::sync::{OwnedSemaphorePermit, oneshot};
 
@@ -43,6 +45,8 @@ pub(in super::super) enum Message {
         frame: Box<Frame>,
         /// Id of the stream that sent the frame: 1, 2, 3 … within a map.
         stream: u64,
+        /// The map's times up to this frame.
+        times: FrameTimes,
         /// The frame's place in the queue, given back when the thread takes the frame.
         permit: OwnedSemaphorePermit,
         reply: oneshot::Sender<FrameOutcome>,
@@ -54,5 +58,7 @@ pub(in super::super) enum Message {
     },
     /// The language thread's queue has room again.
     LanguageRoom,
+    /// The whole state is wanted, as soon as the map can be continued from it exactly.
+    Save(oneshot::Sender<Result<Checkpoint, String>>),
     Stop,
 }

@@ -5,23 +5,25 @@
 
 mod error;
 mod event;
-mod frame_times;
+mod reading;
 mod status;
 
 pub use error::MapError;
 pub(super) use event::Message;
 pub use event::{MapEvent, NumberedEvent};
+pub use reading::{Reading, Wait};
 pub use status::MapStatus;
 
+use super::checkpoint::{Checkpoint, Progress};
 use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
+use super::frame_times::FrameTimes;
 use super::input_warning::InputWarning;
 use super::live_map::LiveMap;
 use super::snapshot::MapSnapshot;
-use frame_times::FrameTimes;
 use status::Counters;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
-use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
+use tokio::sync::{Notify, Semaphore, broadcast, mpsc, oneshot, watch};
 
 /// Events that a watcher may fall behind before it misses some.
 const EVENT_BACKLOG: usize = 256;
@@ -53,6 +55,8 @@ pub struct Map {
     messages: mpsc::Sender<Message>,
     watchers: broadcast::Sender<NumberedEvent>,
     snapshot: watch::Sender<Arc<MapSnapshot>>,
+    /// Told when readers may have something to see that they wait for.
+    progressed: Notify,
     counters: Counters,
     shared: Mutex<Shared>,
 }
@@ -72,6 +76,7 @@ impl Map {
             messages,
             watchers: broadcast::Sender::new(EVENT_BACKLOG),
             snapshot: watch::Sender::new(Arc::new(empty)),
+            progressed: Notify::new(),
             counters: Counters::default(),
             shared: Mutex::new(Shared {
                 tracking: TrackingState::Empty,
@@ -102,6 +107,32 @@ impl Map {
     /// The newest snapshot.
     pub fn snapshot(&self) -> Arc<MapSnapshot> {
         self.snapshot.borrow().clone()
+    }
+
+    /// The newest snapshot, once it is what `wait` asks for or the time is over. A map that has failed is not
+    /// waited for.
+    pub async fn read(&self, wait: &Wait) -> Reading {
+        let deadline = tokio::time::Instant::now() + wait.longest;
+        loop {
+            let progressed = self.progressed.notified();
+            tokio::pin!(progressed);
+            progressed.as_mut().enable();
+            // In this order: a settled map has its last snapshot.
+            let settled = self.is_settled();
+            let reading = Reading { snapshot: self.snapshot(), settled };
+            if reading.is_enough(wait) || self.failure().is_some() {
+                return reading;
+            }
+            if tokio::time::timeout_at(deadline, progressed).await.is_err() {
+                return reading;
+            }
+        }
+    }
+
+    /// Whether no frame waits and no work is left.
+    fn is_settled(&self) -> bool {
+        self.counters.unsettled.load(Ordering::Acquire) == 0
+            && !self.counters.working.load(Ordering::Acquire)
     }
 
     /// Receives events from now on.
@@ -146,6 +177,30 @@ impl Map {
         Ok(StreamGuard { map: self.clone() })
     }
 
+    /// As [`Map::claim`], to go on with the last stream: the camera is where it was.
+    ///
+    /// # Errors
+    /// As [`Map::claim`].
+    pub fn reclaim(self: &Arc<Self>, intrinsics: Intrinsics) -> Result<StreamGuard, MapError> {
+        let guard = self.claim(intrinsics)?;
+        let mut shared = self.shared();
+        shared.streams = shared.streams.saturating_sub(1).max(1);
+        drop(shared);
+        Ok(guard)
+    }
+
+    /// Copies the whole state of the map, from which it can be continued exactly. With the clock `per_frame`
+    /// this waits for the steps and the language of the last frame.
+    ///
+    /// # Errors
+    /// The reason, if the map has failed or was stopped.
+    pub async fn save(&self) -> Result<Checkpoint, String> {
+        let (reply, saved) = oneshot::channel();
+        let stopped = || self.failure().unwrap_or_else(|| "it was stopped".into());
+        self.messages.send(Message::Save(reply)).await.map_err(|_| stopped())?;
+        saved.await.map_err(|_| stopped())?
+    }
+
     /// Sends a frame to the map's thread; waits while the queue is full. The receiver resolves when the frame
     /// was mapped; it is closed if the thread stopped first. A frame whose time is not later than the newest
     /// frame's gets another time (`frame_times.rs`).
@@ -164,10 +219,11 @@ impl Map {
             .expect("the semaphore of a map is never closed");
         let (reply, outcome) = oneshot::channel();
         let (sequence, intrinsics) = (frame.sequence, frame.intrinsics);
-        let stream = self.give_time(&mut frame);
+        let (stream, times) = self.give_time(&mut frame);
         let frame = Box::new(frame);
         self.counters.unsettled.fetch_add(1, Ordering::AcqRel);
-        if self.messages.send(Message::Frame { frame, stream, permit, reply }).await.is_err() {
+        let message = Message::Frame { frame, stream, times, permit, reply };
+        if self.messages.send(message).await.is_err() {
             self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
             let reason = self.shared().failure.clone().unwrap_or_else(|| "it was stopped".into());
             return Err(MapError::Failed { name: self.name.clone(), reason });
@@ -180,8 +236,8 @@ impl Map {
     }
 
     /// Makes the frame's time later than the newest frame's. Returns the number of its stream, which is
-    /// warned once.
-    fn give_time(&self, frame: &mut Frame) -> u64 {
+    /// warned once, and the times up to it.
+    fn give_time(&self, frame: &mut Frame) -> (u64, FrameTimes) {
         let mut shared = self.shared();
         let given = frame.timestamp_nanos;
         frame.timestamp_nanos = shared.times.next(given);
@@ -195,7 +251,7 @@ impl Map {
                 "timestamp_nanos is not later than the frame before: the map uses times of its own"
             );
         }
-        stream
+        (stream, shared.times)
     }
 
     /// Counts a frame that did not pass the checks.
@@ -213,8 +269,7 @@ impl Map {
         let (queue_depth, queue_capacity) = self.queue();
         let counters = &self.counters;
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        let settled = counters.unsettled.load(Ordering::Acquire) == 0
-            && !counters.working.load(Ordering::Acquire);
+        let settled = self.is_settled();
         let shared = self.shared();
         MapStatus {
             name: self.name.clone(),
@@ -239,6 +294,38 @@ impl Map {
         }
     }
 
+    /// Called by the map's thread: adds what is only known here to how far the map has come.
+    pub(super) fn save_progress(&self, progress: &mut Progress) {
+        let shared = self.shared();
+        progress.intrinsics = shared.intrinsics;
+        progress.input_warnings.clone_from(&shared.input_warnings);
+        progress.next_event = shared.next_event;
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        progress.frames_tracked = read(&self.counters.tracked);
+        progress.frames_lost = read(&self.counters.lost);
+        progress.frames_refused = read(&self.counters.refused);
+    }
+
+    /// Puts back what [`Map::save_progress`] and the thread saved, before the first frame.
+    pub(super) fn restore_progress(&self, progress: Progress, tracking: TrackingState) {
+        let Progress { through, stream, times, intrinsics, input_warnings, next_event, .. } =
+            progress;
+        let Progress { frames_tracked, frames_lost, frames_refused, .. } = progress;
+        let write = |counter: &AtomicU64, value| counter.store(value, Ordering::Relaxed);
+        write(&self.counters.received, frames_tracked + frames_lost);
+        write(&self.counters.tracked, frames_tracked);
+        write(&self.counters.lost, frames_lost);
+        write(&self.counters.refused, frames_refused);
+        let mut shared = self.shared();
+        shared.tracking = tracking;
+        shared.input_warnings = input_warnings;
+        shared.intrinsics = intrinsics;
+        shared.received_through = through;
+        shared.streams = stream;
+        shared.times = times;
+        shared.next_event = next_event;
+    }
+
     /// The sending end of the thread's messages.
     pub(super) fn sender(&self) -> mpsc::Sender<Message> {
         self.messages.clone()
@@ -247,6 +334,7 @@ impl Map {
     /// Called by the map's thread: whether work is left beside frames that wait.
     pub(super) fn set_working(&self, working: bool) {
         self.counters.working.store(working, Ordering::Release);
+        self.progressed.notify_waiters();
     }
 
     /// Called by the map's thread: a frame is discarded because the map has failed.
@@ -302,6 +390,7 @@ impl Map {
             keyframes: snapshot.keyframes.len(),
         };
         self.snapshot.send_replace(Arc::new(snapshot));
+        self.progressed.notify_waiters();
         self.announce(event);
     }
 
@@ -313,6 +402,7 @@ impl Map {
     /// The map takes no more frames from now on.
     pub(super) fn fail(&self, reason: String) {
         self.shared().failure = Some(reason);
+        self.progressed.notify_waiters();
     }
 
     fn announce(&self, event: MapEvent) {

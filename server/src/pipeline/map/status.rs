@@ -47,6 +47,33 @@ pub struct MapStatus {
     pub input_warnings: Vec<InputWarning>,
 }
 
+impl MapStatus {
+    /// The status of a map that is not in the engine.
+    pub(crate) fn absent(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            revision: 0,
+            frames_received: 0,
+            frames_tracked: 0,
+            frames_lost: 0,
+            frames_dropped: 0,
+            frames_refused: 0,
+            keyframes: 0,
+            gaussians: 0,
+            gpu_bytes: 0,
+            keyframe_bytes: 0,
+            tracking_state: TrackingState::Empty,
+            olae_version: 0,
+            queue_depth: 0,
+            queue_capacity: 0,
+            settled: false,
+            failure: None,
+            recording_damage: None,
+            input_warnings: Vec::new(),
+        }
+    }
+}
+
 /// Counters that the map's thread writes and [`MapStatus`] reads.
 #[derive(Default)]
 pub(in super::super) struct Counters {

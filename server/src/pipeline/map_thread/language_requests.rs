@@ -17,7 +17,8 @@ pub(super) struct LanguageRequests {
     messages: mpsc::Sender<Message>,
     /// Keyframes that the language thread had no room for yet, oldest first.
     waiting: VecDeque<Frame>,
-    in_flight: usize,
+    /// Keyframes that the networks have, in the order in which they answer.
+    in_flight: VecDeque<Frame>,
     /// Whether a message will come when the language thread has room.
     awaits_room: bool,
 }
@@ -25,12 +26,23 @@ pub(super) struct LanguageRequests {
 impl LanguageRequests {
     /// `messages`: where answers go, the queue of the map's own thread.
     pub fn new(thread: Arc<LanguageThread>, messages: mpsc::Sender<Message>) -> Self {
-        Self { thread, messages, waiting: VecDeque::new(), in_flight: 0, awaits_room: false }
+        Self {
+            thread,
+            messages,
+            waiting: VecDeque::new(),
+            in_flight: VecDeque::new(),
+            awaits_room: false,
+        }
     }
 
     /// Whether a keyframe waits for the networks or is with them.
     pub fn is_pending(&self) -> bool {
-        self.in_flight > 0 || !self.waiting.is_empty()
+        !self.in_flight.is_empty() || !self.waiting.is_empty()
+    }
+
+    /// Keyframes without language, oldest first.
+    pub fn pending(&self) -> Vec<Frame> {
+        self.in_flight.iter().chain(&self.waiting).cloned().collect()
     }
 
     /// Queues a keyframe behind those that wait.
@@ -40,7 +52,7 @@ impl LanguageRequests {
 
     /// [`Message::Language`] has arrived.
     pub fn answered(&mut self) {
-        self.in_flight -= 1;
+        self.in_flight.pop_front();
     }
 
     /// [`Message::LanguageRoom`] has arrived.
@@ -66,8 +78,9 @@ impl LanguageRequests {
             let on_room = move || {
                 let _ = messages.blocking_send(Message::LanguageRoom);
             };
+            let sent = frame.clone();
             match self.thread.submit(frame, reply, on_room) {
-                Ok(()) => self.in_flight += 1,
+                Ok(()) => self.in_flight.push_back(sent),
                 Err(frame) => {
                     self.waiting.push_front(frame);
                     self.awaits_room = true;

@@ -6,90 +6,32 @@
 
 mod language_requests;
 mod publisher;
+mod saving;
+pub(super) mod start;
 
-use super::closure::{Closure, ClosureConfig, MapParts};
-use super::compressor;
-use super::encoder::{LanguageMap, LanguageThread};
+use super::checkpoint::{Checkpoint, Progress};
+use super::closure::{Closure, MapParts};
+use super::compressor::CompressorConfig;
+use super::encoder::LanguageMap;
 use super::frame::{Frame, FrameOutcome, TrackedPose};
 use super::input_check::InputCheck;
 use super::keyframes::{Keyframe, KeyframeWidths};
 use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
-use super::mapper::{Clock, MapperConfig, TiesConfig, insert, language, optimise, select};
+use super::mapper::{Clock, MapperConfig, insert, language, optimise, select};
 use super::pose_covariance::carried;
-use super::snapshot::MapSnapshot;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
     MAPPING_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
-use lexsplat_gpu::{Gaussians, Gpu, GpuError, HostGaussians, Ties, Trainer};
+use lexsplat_gpu::{Gpu, GpuError, Trainer};
 use nalgebra::Isometry3;
 use publisher::Publisher;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use tokio::sync::{mpsc, oneshot};
-
-/// The settings of a map's stages.
-#[derive(Clone, Copy)]
-pub(super) struct StageConfigs<'a> {
-    pub compressor: &'a compressor::CompressorConfig,
-    pub tracker: &'a TrackerConfig,
-    pub closure: &'a ClosureConfig,
-    pub mapper: &'a MapperConfig,
-}
-
-/// Starts a map's thread.
-///
-/// # Errors
-/// The reason why there is no device memory, no kernel or no thread for it.
-pub(super) fn spawn(
-    name: &str,
-    gpu: &Gpu,
-    language: &Arc<LanguageThread>,
-    configs: StageConfigs<'_>,
-) -> Result<(Arc<Map>, JoinHandle<()>), String> {
-    let config = configs.mapper;
-    let online = compressor::online(configs.compressor);
-    let mut trainer = Trainer::new(gpu, online.code_size()).map_err(|error| error.to_string())?;
-    let TiesConfig { rotation, scale, opacity } = config.ties;
-    trainer.set_ties(Ties { rotation, scale, opacity });
-    let gaussians = Gaussians::new(gpu, online.code_size());
-    let empty = MapSnapshot {
-        map: name.to_owned(),
-        revision: 0,
-        gaussians: Arc::new(HostGaussians::default()),
-        online: Arc::from(online.boxed_clone()),
-        intrinsics: None,
-        trajectory: Arc::default(),
-        keyframes: Arc::default(),
-    };
-    let (map, messages) = Map::new(name, config.queue_frames, empty);
-    let map = Arc::new(map);
-    let steps = step_budget(config);
-    let thread = MapThread {
-        config: config.clone(),
-        tracker_config: configs.tracker.clone(),
-        gpu: gpu.clone(),
-        live: LiveMap::new(gaussians, online, steps),
-        tracker: Tracker::new(gpu, configs.tracker),
-        closure: Closure::new(configs.closure),
-        input_check: InputCheck::new(),
-        trainer,
-        language: LanguageRequests::new(language.clone(), map.sender()),
-        publisher: Publisher::new(),
-        deferred: VecDeque::new(),
-        last_stream: 0,
-        map: map.clone(),
-    };
-    let handle = std::thread::Builder::new()
-        .name(format!("map {name}"))
-        .spawn(move || thread.run(messages))
-        .map_err(|error| error.to_string())?;
-    Ok((map, handle))
-}
 
 fn step_budget(config: &MapperConfig) -> StepBudget {
     StepBudget::new(config.steps_per_keyframe, config.language_every)
@@ -98,6 +40,7 @@ fn step_budget(config: &MapperConfig) -> StepBudget {
 /// The live map and everything that works on it.
 struct MapThread {
     config: MapperConfig,
+    compressor_config: CompressorConfig,
     tracker_config: TrackerConfig,
     gpu: Gpu,
     live: LiveMap,
@@ -110,8 +53,10 @@ struct MapThread {
     publisher: Publisher,
     /// Frames deferred until the current keyframe is optimised (clock `per_frame`).
     deferred: VecDeque<Message>,
-    /// Id of the stream that sent the last frame.
-    last_stream: u64,
+    /// How far the map has come.
+    progress: Progress,
+    /// Who waits for the state of the map.
+    saves: Vec<oneshot::Sender<Result<Checkpoint, String>>>,
     map: Arc<Map>,
 }
 
@@ -145,11 +90,13 @@ impl MapThread {
         while let Some(work) = self.next(messages) {
             match work {
                 Work::Handle(Message::Stop) => break,
+                Work::Handle(Message::Save(reply)) => self.saves.push(reply),
                 Work::Handle(message) => self.handle(message)?,
                 Work::Optimise => self.optimise()?,
             }
             self.language.send(&self.live.keyframes);
             self.publish_if_due()?;
+            self.save_if_wanted()?;
             self.map.set_working(!self.is_idle());
         }
         Ok(())
@@ -181,13 +128,15 @@ impl MapThread {
 
     fn handle(&mut self, message: Message) -> Result<(), GpuError> {
         match message {
-            Message::Frame { frame, stream, permit, reply } => {
+            Message::Frame { frame, stream, times, permit, reply } => {
                 drop(permit);
                 if self.map.failure().is_some() {
                     self.map.drop_frame();
                     return Ok(());
                 }
-                if std::mem::replace(&mut self.last_stream, stream) != stream {
+                self.progress.through = Some(frame.sequence);
+                self.progress.times = times;
+                if std::mem::replace(&mut self.progress.stream, stream) != stream {
                     self.tracker.resume();
                     self.input_check = InputCheck::new();
                 }
@@ -207,7 +156,7 @@ impl MapThread {
                 self.language.has_room();
                 Ok(())
             }
-            Message::Stop => Ok(()),
+            Message::Save(_) | Message::Stop => Ok(()),
         }
     }
 
@@ -240,6 +189,9 @@ impl MapThread {
             outcome.covariance =
                 tracked.covariance.map(|own| carried(&mapped.world_from_camera, &own));
             self.optimise_behind_frame()?;
+        } else {
+            // Readers are told that the frame came.
+            self.publisher.poses_changed();
         }
         self.map.finish_frame(&outcome);
         // An error means that the sender is gone. Its frame is in the map all the same.
@@ -392,7 +344,11 @@ impl MapThread {
             return Ok(());
         }
         timed(SNAPSHOT_SECONDS, || {
-            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map)
+            let through = self.progress.through;
+            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map, through)
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

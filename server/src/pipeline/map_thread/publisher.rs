@@ -46,7 +46,7 @@ impl Publisher {
         self.published_at.elapsed()
     }
 
-    /// Gives readers the map as it is now. Waits for the optimiser steps in flight.
+    /// Gives readers the map as it is now, after the frame `through`. Waits for the optimiser steps in flight.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
@@ -55,16 +55,38 @@ impl Publisher {
         live: &mut LiveMap,
         trainer: &mut Trainer,
         map: &Map,
+        through: Option<u64>,
     ) -> Result<(), GpuError> {
         if self.gaussians_changed {
             trainer.settle(&mut live.gaussians)?;
             self.gaussians = Arc::new(live.gaussians.to_host()?);
             live.revision += 1;
         }
+        self.show(live, map, through);
+        Ok(())
+    }
+
+    /// Gives readers a map that was put back, with the revision that it had.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn restore(
+        &mut self,
+        live: &LiveMap,
+        map: &Map,
+        through: Option<u64>,
+    ) -> Result<(), GpuError> {
+        self.gaussians = Arc::new(live.gaussians.to_host()?);
+        self.show(live, map, through);
+        Ok(())
+    }
+
+    fn show(&mut self, live: &LiveMap, map: &Map, through: Option<u64>) {
         map.count_contents(live);
         map.publish(MapSnapshot {
             map: map.name().to_owned(),
             revision: live.revision,
+            through,
             gaussians: self.gaussians.clone(),
             online: Arc::from(live.online.boxed_clone()),
             intrinsics: live.keyframes.iter().next().map(|keyframe| keyframe.intrinsics),
@@ -73,7 +95,6 @@ impl Publisher {
         });
         (self.gaussians_changed, self.poses_changed) = (false, false);
         self.published_at = Instant::now();
-        Ok(())
     }
 }
 

@@ -64,6 +64,7 @@ pub enum BundleError {
 /// A loaded and checked bundle.
 pub struct Bundle {
     name: String,
+    digest: String,
     vision: VisionNetworks,
     text: TextNetworks,
 }
@@ -81,8 +82,8 @@ impl Bundle {
         let manifest = manifest::read(&folder)?;
         let providers = availability::choose(&runtime, providers)?;
         let loader = Loader { folder: &folder, manifest: &manifest, runtime, providers, threads };
-        let bundle =
-            Self { name: manifest.name.clone(), vision: loader.vision()?, text: loader.text()? };
+        let (name, digest) = (manifest.name.clone(), manifest.digest.clone());
+        let bundle = Self { name, digest, vision: loader.vision()?, text: loader.text()? };
         tracing::info!(
             bundle = bundle.name,
             version = manifest.version,
@@ -96,6 +97,11 @@ impl Bundle {
     /// The bundle's name, from its manifest.
     pub(crate) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// SHA-256 of its manifest, which has those of its files.
+    pub(crate) fn digest(&self) -> &str {
+        &self.digest
     }
 
     /// The networks of the language thread and those of the query thread.

@@ -2,12 +2,13 @@
 
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
 
 /// Surfaces are about this far from a camera, metres: how much an error of a rotation counts.
 const DISTANCE_METRES: f64 = 2.0;
 
 /// A pose of one node relative to another, as it was measured.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in super::super) struct Edge {
     /// Index of a node.
     pub first: usize,

@@ -18,9 +18,10 @@ pub(super) use edge::{Edge, disagreement};
 
 use super::pose_covariance::carried;
 use nalgebra::{Isometry3, Matrix6};
+use serde::{Deserialize, Serialize};
 
 /// A keyframe in the graph.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Node {
     sequence: u64,
     /// Whether its pose is known and never changes.
@@ -28,7 +29,7 @@ struct Node {
 }
 
 /// Keyframes, also those that were forgotten, and the edges between them.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct PoseGraph {
     /// In order of their sequence numbers.
     nodes: Vec<Node>,

@@ -98,6 +98,7 @@ fn snapshot(map: HostGaussians, stage: Box<dyn OnlineStage>) -> MapSnapshot {
     MapSnapshot {
         map: "room".into(),
         revision: 3,
+        through: None,
         gaussians: Arc::new(map),
         online: stage.into(),
         intrinsics: Some(CAMERA),

@@ -4,6 +4,7 @@ use super::super::frame::PoseHint;
 use super::super::keyframes::Keyframe;
 use super::quality::AlignmentQuality;
 use nalgebra::{Isometry3, Matrix6};
+use serde::{Deserialize, Serialize};
 
 /// Smallest standard deviation of a pose hint that is believed, metres and radians.
 const FINEST_HINT: f64 = 1e-4;
@@ -21,7 +22,7 @@ pub(super) struct InitialPose {
 }
 
 /// A pose estimate and how well the frame agrees with the map there.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct PoseCandidate {
     pub world_from_camera: Isometry3<f64>,
     /// Exposure (a, b): the map's intensity is exp(a) times the frame's plus b.

@@ -6,6 +6,7 @@
 
 use super::config::TrackerConfig;
 use super::quality::AlignmentQuality;
+use serde::{Deserialize, Serialize};
 
 /// Unexplained share that is expected before any frame was tracked.
 const FIRST_USUAL: f64 = 0.04;
@@ -15,7 +16,7 @@ const MOST_USUAL: f64 = 0.09;
 const LEARNING: f64 = 0.1;
 
 /// Knows how much tracked frames usually leave unexplained.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Judge {
     usual: f64,
     /// Tracked frames, and one for the expectation before them.

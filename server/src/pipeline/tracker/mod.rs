@@ -25,14 +25,17 @@ mod motion;
 mod multi_reference;
 mod photometric;
 mod quality;
+mod saving;
 mod scene;
 mod search;
+mod state;
 mod uncertainty;
 mod young_map;
 
 pub(super) use comparison::Comparison;
 pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use scene::Scene;
+pub(super) use state::TrackerState;
 
 use super::downsampled_frame::DownsampledFrame;
 use super::features::Features;

@@ -5,6 +5,7 @@
 
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Vector6};
+use serde::{Deserialize, Serialize};
 
 /// Most frames that a prediction bridges at full speed. After a longer pause the camera may have turned
 /// back.
@@ -13,7 +14,7 @@ pub(super) const SHORT_PAUSE: f64 = 3.0;
 pub(super) const LONG_PAUSE: f64 = 45.0;
 
 /// The newest tracked pose and the motion that led to it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Motion {
     last: Option<(Isometry3<f64>, u64)>,
     /// Twist from the pose before to the last one, in the camera's frame, and its duration in nanoseconds.

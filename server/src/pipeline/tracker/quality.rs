@@ -6,6 +6,7 @@
 use super::super::downsampled_frame::DownsampledFrame;
 use super::config::TrackerConfig;
 use lexsplat_gpu::NormalSystem;
+use serde::{Deserialize, Serialize};
 
 /// A frame with a smaller share of measured pixels is neither tracked nor mapped.
 const MIN_MEASURED: f64 = 0.03;
@@ -16,7 +17,7 @@ const BLACK: f64 = 6.0;
 const USABLE_COLOR: std::ops::Range<u8> = 4..252;
 
 /// How well a frame agrees with its reference after alignment. All shares are 0 to 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct AlignmentQuality {
     /// Share of the measured pixels that project into the reference.
     pub overlap: f64,

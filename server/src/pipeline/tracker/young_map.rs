@@ -5,6 +5,7 @@
 //! frames, each lost one is kept; if the next lost frame agrees with it, these two are the better beginning.
 
 use super::super::frame::Frame;
+use serde::{Deserialize, Serialize};
 
 /// A map with more tracked frames is not given up.
 const YOUNG_FRAMES: usize = 10;
@@ -12,7 +13,7 @@ const YOUNG_FRAMES: usize = 10;
 const USABLE: f64 = 0.8;
 
 /// Counts the frames of a map that may be given up.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct YoungMap {
     tracked: usize,
     /// Frames lost since the last one that was tracked.
@@ -55,6 +56,11 @@ impl YoungMap {
     /// The last lost frame, as the beginning of the new map.
     pub fn take_stray(&mut self) -> Option<Frame> {
         self.stray.take().map(|(frame, _)| frame)
+    }
+
+    /// The last lost frame, if it was kept.
+    pub fn stray(&self) -> Option<&Frame> {
+        self.stray.as_ref().map(|(frame, _)| frame)
     }
 
     /// Whether the map is no longer young.

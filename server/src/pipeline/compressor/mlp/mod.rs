@@ -14,11 +14,13 @@ mod net;
 use super::config::CompressorConfig;
 use super::online_stage::OnlineStage;
 use crate::pipeline::network::GENERIC_SIZE;
+use crate::pipeline::saving::packed;
 use affine_map::AffineMap;
 use net::{Adam, Net};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Codes kept of a keyframe, spread evenly over it.
@@ -30,8 +32,12 @@ const FITTED_CODES: usize = 4096;
 /// Rows encoded or decoded by one core at a time.
 const BATCH: usize = 2048;
 
+/// Codes of a keyframe, `[n, 32]`.
+#[derive(Clone, Serialize, Deserialize)]
+struct Sample(#[serde(with = "packed")] Arc<[f64]>);
+
 /// The online auto-encoder and its optimiser.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Mlp {
     net: Net,
     adam: Adam,
@@ -39,7 +45,7 @@ pub(super) struct Mlp {
     version: u64,
     keyframes: usize,
     /// Samples `[n, 32]` of keyframes.
-    kept: Vec<Arc<[f64]>>,
+    kept: Vec<Sample>,
     initial_steps: usize,
     initial_keyframes: usize,
     replayed: usize,
@@ -72,19 +78,19 @@ impl Mlp {
     /// One step on a random kept keyframe.
     fn replay(&mut self) {
         let sample = self.kept[self.random.random_range(0..self.kept.len())].clone();
-        self.step(&sample);
+        self.step(&sample.0);
     }
 
     /// At most [`FITTED_CODES`] of the kept rows `[n, 32]`, evenly spread.
     fn samples(&self) -> Vec<f32> {
-        let rows: usize = self.kept.iter().map(|sample| sample.len() / GENERIC_SIZE).sum();
+        let rows: usize = self.kept.iter().map(|sample| sample.0.len() / GENERIC_SIZE).sum();
         let stride = rows.div_ceil(FITTED_CODES).max(1);
-        let kept = self.kept.iter().flat_map(|sample| sample.chunks_exact(GENERIC_SIZE));
+        let kept = self.kept.iter().flat_map(|sample| sample.0.chunks_exact(GENERIC_SIZE));
         kept.step_by(stride).flatten().map(|&value| value as f32).collect()
     }
 
     /// Keeps a sample; each keyframe so far stays with equal probability.
-    fn keep(&mut self, sample: Arc<[f64]>) {
+    fn keep(&mut self, sample: Sample) {
         if self.kept.len() < KEPT_KEYFRAMES {
             self.kept.push(sample);
             return;
@@ -107,11 +113,11 @@ impl OnlineStage for Mlp {
 
     fn observe(&mut self, generic: &[f32]) -> bool {
         let sample = sampled(generic);
-        if sample.is_empty() {
+        if sample.0.is_empty() {
             return false;
         }
         self.keyframes += 1;
-        self.step(&sample);
+        self.step(&sample.0);
         if self.keyframes <= self.initial_keyframes {
             self.keep(sample);
             let steps = self.initial_steps / self.initial_keyframes;
@@ -141,6 +147,10 @@ impl OnlineStage for Mlp {
         }
     }
 
+    fn save(&self) -> Vec<u8> {
+        rmp_serde::to_vec_named(self).expect("numbers can be written")
+    }
+
     fn boxed_clone(&self) -> Box<dyn OnlineStage> {
         Box::new(self.clone())
     }
@@ -156,12 +166,12 @@ fn in_batches(rows: &[f32], channels: usize, run: impl Fn(&[f64]) -> Vec<f64> + 
 }
 
 /// At most [`SAMPLED_CODES`] finite, non-zero rows, evenly spread.
-fn sampled(generic: &[f32]) -> Arc<[f64]> {
+fn sampled(generic: &[f32]) -> Sample {
     let rows: Vec<&[f32]> = generic
         .chunks_exact(GENERIC_SIZE)
         .filter(|row| row.iter().all(|value| value.is_finite()) && row.iter().any(|&v| v != 0.0))
         .collect();
     let count = rows.len().min(SAMPLED_CODES);
     let picked = (0..count).map(|i| rows[i * rows.len() / count]);
-    picked.flatten().map(|&value| value.into()).collect()
+    Sample(picked.flatten().map(|&value| value.into()).collect())
 }

@@ -7,6 +7,7 @@
 
 use crate::pipeline::network::GENERIC_SIZE;
 use rand::Rng;
+use serde::{Deserialize, Serialize};
 
 /// Width of the hidden layers.
 const HIDDEN: usize = 24;
@@ -16,7 +17,7 @@ const COSINE_WEIGHT: f64 = 0.6;
 const EPSILON: f64 = 1e-12;
 
 /// One linear layer within the parameters: weights `[outputs, inputs]`, then biases `[outputs]`.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 struct Layer {
     inputs: usize,
     outputs: usize,
@@ -87,7 +88,7 @@ struct Trace {
 }
 
 /// The auto-encoder.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Net {
     layers: [Layer; 4],
     pub parameters: Vec<f64>,
@@ -226,7 +227,7 @@ fn add_scaled(to: &mut [f64], scale: f64, from: &[f64]) {
 }
 
 /// Adam (Kingma and Ba 2015) with its default constants.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Adam {
     rate: f64,
     steps: i32,

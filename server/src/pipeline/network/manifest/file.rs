@@ -94,7 +94,7 @@ impl From<GraphSection> for GraphSpec {
 
 impl ManifestFile {
     /// The manifest, if its values are permitted and consistent.
-    pub(super) fn checked(self) -> Result<Manifest, ManifestError> {
+    pub(super) fn checked(self, digest: String) -> Result<Manifest, ManifestError> {
         self.check_values()?;
         let (vision, grid) = vision(self.vision, self.encoder, self.srd, self.compressor.encoder)?;
         let TextSection { file, tokenizer, inputs, output, max_tokens } = self.text;
@@ -111,6 +111,7 @@ impl ManifestFile {
             text: TextSpec { graph, tokenizer, max_tokens },
             relevancy: self.relevancy,
             sha256: self.sha256,
+            digest,
         })
     }
 

@@ -12,6 +12,7 @@ pub use spec::{ChannelOrder, Fit, GENERIC_SIZE, ImageSpec, RelevancySpec};
 pub(super) use spec::{GraphSpec, Manifest, VisionSpec};
 
 use file::ManifestFile;
+use sha2::{Digest as _, Sha256};
 use std::path::Path;
 
 /// Reads and checks `manifest.toml` in the bundle's folder.
@@ -23,5 +24,6 @@ pub(super) fn read(folder: &Path) -> Result<Manifest, ManifestError> {
     })?;
     let file: ManifestFile = toml::from_str(&text)
         .map_err(|reason| ManifestError::Syntax { path, reason: reason.to_string() })?;
-    file.checked()
+    let digest = Sha256::digest(&text).iter().map(|byte| format!("{byte:02x}")).collect();
+    file.checked(digest)
 }

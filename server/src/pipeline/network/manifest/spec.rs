@@ -117,6 +117,8 @@ pub(crate) struct Manifest {
     pub relevancy: RelevancySpec,
     /// SHA-256 of each file, hexadecimal.
     pub sha256: BTreeMap<String, String>,
+    /// SHA-256 of the manifest itself.
+    pub digest: String,
 }
 
 impl Manifest {

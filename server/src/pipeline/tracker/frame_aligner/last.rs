@@ -1,5 +1,6 @@
 //! The last tracked frame compared with single keyframes.
 
+use super::super::super::downsampled_frame::DownsampledFrame;
 use super::super::super::keyframes::Keyframe;
 use super::super::candidate::PoseCandidate;
 use super::super::multi_reference::Reference;
@@ -51,6 +52,33 @@ impl FrameAligner {
             found = self.align_last_from(keyframe, &start, found.exposure, &schedule)?;
         }
         Ok(Some(found))
+    }
+
+    /// The last tracked frame, and where it was found.
+    pub fn last(&self) -> Option<(DownsampledFrame, PoseCandidate)> {
+        self.last_image.clone().zip(self.last_found)
+    }
+
+    /// Puts back the last tracked frame.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn restore_last(
+        &mut self,
+        image: DownsampledFrame,
+        found: PoseCandidate,
+    ) -> Result<(), GpuError> {
+        self.pyramids.fill(&mut self.last, &image.rgb, &image.depth_metres)?;
+        (self.last_image, self.last_found) = (Some(image), Some(found));
+        Ok(())
+    }
+
+    /// Puts back the last lost frame.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn restore_stray(&mut self, image: &DownsampledFrame) -> Result<(), GpuError> {
+        self.pyramids.fill(&mut self.stray, &image.rgb, &image.depth_metres)
     }
 
     /// The map around the last tracked frame was moved.

@@ -49,10 +49,12 @@ pub(super) struct FrameAligner {
     rendered: Pyramid,
     /// The frame to be aligned.
     live: Pyramid,
+    live_image: Option<DownsampledFrame>,
     /// Its sequence number.
     uploaded: Option<u64>,
     /// The last tracked frame.
     last: Pyramid,
+    last_image: Option<DownsampledFrame>,
     last_found: Option<PoseCandidate>,
     /// The last lost frame, if it was kept.
     stray: Pyramid,
@@ -86,8 +88,10 @@ impl FrameAligner {
             pyramids,
             rendered,
             live,
+            live_image: None,
             uploaded: None,
             last,
+            last_image: None,
             last_found: None,
             stray,
             keyframes: Vec::new(),
@@ -100,6 +104,7 @@ impl FrameAligner {
     /// [`GpuError::DeviceLost`].
     pub fn upload(&mut self, frame: &DownsampledFrame, sequence: u64) -> Result<(), GpuError> {
         self.uploaded = Some(sequence);
+        self.live_image = Some(frame.clone());
         self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)
     }
 
@@ -111,6 +116,7 @@ impl FrameAligner {
     /// Keeps the uploaded frame, which was tracked, as the last frame.
     pub fn keep_as_last(&mut self, found: &PoseCandidate) {
         std::mem::swap(&mut self.live, &mut self.last);
+        self.last_image = self.live_image.take();
         self.last_found = Some(*found);
     }
 

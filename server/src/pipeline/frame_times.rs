@@ -4,13 +4,15 @@
 //! uses, strictly ascending, as programs expect that read a trajectory. Times that increase already stay as
 //! they are. Nothing here reads a clock: the frames of a log give the same times when they are replayed.
 
+use serde::{Deserialize, Serialize};
+
 /// Time between frames before two good ones came: 30 frames per second.
 const FIRST_INTERVAL: u64 = 1_000_000_000 / 30;
 /// A longer time between two frames is a pause, not an interval.
 const LONGEST_INTERVAL: u64 = 1_000_000_000;
 
 /// The newest times of a map.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct FrameTimes {
     /// The newest time that was given.
     given: Option<u64>,

@@ -1,0 +1,196 @@
+//! `lexsplat maps`: lists, describes, deletes, saves and restores the maps of a server.
+
+use anyhow::{Context as _, Result};
+use clap::{Args, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+use lexsplat_client::http::{HttpClient, MapState, Status};
+use lexsplat_evaluate::table::{Column, table};
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// List, describe, delete, save and restore the maps of a server
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  lexsplat maps ls\n  lexsplat maps backup kitchen kitchen.tar\n  \
+                        lexsplat maps restore kitchen.tar kitchen-2"
+)]
+pub struct Maps {
+    #[command(subcommand)]
+    action: Action,
+    /// The server's HTTP address
+    #[arg(long, global = true, value_name = "ADDR", default_value = "127.0.0.1:8080")]
+    http: String,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// List all maps
+    Ls {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print the status of a map as JSON
+    Show {
+        /// The map
+        map: String,
+    },
+    /// Delete a map with its recording
+    Rm {
+        /// The map
+        map: String,
+    },
+    /// Save a map's recording and its newest checkpoint in one file, while mapping goes on
+    Backup {
+        /// The map
+        map: String,
+        /// The file to write; an old one is replaced
+        file: PathBuf,
+    },
+    /// Put a backup in place as a new map
+    Restore {
+        /// The file
+        file: PathBuf,
+        /// The new map's name; no map may have it
+        map: String,
+    },
+}
+
+/// Runs the command.
+pub async fn run(arguments: &Maps) -> Result<()> {
+    let client = HttpClient::new(&arguments.http)?;
+    match &arguments.action {
+        Action::Ls { json } => {
+            let maps = client.maps().await?;
+            match json {
+                true => println!("{}", serde_json::to_string_pretty(&maps)?),
+                false => print!("{}", listed(&maps)),
+            }
+        }
+        Action::Show { map } => {
+            println!("{}", serde_json::to_string_pretty(&client.status(map).await?)?);
+        }
+        Action::Rm { map } => client.delete(map).await?,
+        Action::Backup { map, file } => backup(&client, map, file).await?,
+        Action::Restore { file, map } => restore(&client, file, map).await?,
+    }
+    Ok(())
+}
+
+/// The maps as a table.
+fn listed(maps: &[Status]) -> String {
+    if maps.is_empty() {
+        return "there is no map\n".into();
+    }
+    let columns = [Column::left("map"), Column::left("state")].into_iter();
+    let numbers = ["frames", "lost", "keyframes", "Gaussians", "MB"].map(Column::right);
+    let row = |map: &Status| {
+        let megabytes = (map.gpu_bytes + map.keyframe_bytes) as f64 / 1e6;
+        vec![
+            map.name.clone(),
+            state(map),
+            map.frames_received.to_string(),
+            map.frames_lost.to_string(),
+            map.keyframes.to_string(),
+            map.gaussians.to_string(),
+            format!("{megabytes:.0}"),
+        ]
+    };
+    table(&columns.chain(numbers).collect::<Vec<_>>(), &maps.iter().map(row).collect::<Vec<_>>())
+}
+
+fn state(map: &Status) -> String {
+    match (map.state, &map.loading) {
+        (MapState::Failed, _) => "failed".into(),
+        (MapState::Loading, Some(loading)) if loading.frames_total > 0 => {
+            format!("loading, {} of {} frames", loading.frames_done, loading.frames_total)
+        }
+        (MapState::Loading, _) => "waits to be loaded".into(),
+        (MapState::Ready, _) if map.settled => "settled".into(),
+        (MapState::Ready, _) => "working".into(),
+    }
+}
+
+/// Writes to a temporary file beside it first, so that the file is always complete.
+async fn backup(client: &HttpClient, map: &str, path: &Path) -> Result<()> {
+    let mut part = path.to_path_buf().into_os_string();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    let cannot = || format!("cannot write {}", path.display());
+    let mut file = File::create(&part).with_context(cannot)?;
+    let bar = ProgressBar::new_spinner();
+    bar.set_style(ProgressStyle::with_template("{spinner} {bytes}  {bytes_per_sec}")?);
+    let written = client
+        .backup(map, |bytes| {
+            bar.inc(bytes.len() as u64);
+            file.write_all(bytes).with_context(cannot)
+        })
+        .await;
+    bar.finish_and_clear();
+    let done = written
+        .and_then(|()| file.sync_all().with_context(cannot))
+        .and_then(|()| std::fs::rename(&part, path).with_context(cannot));
+    if done.is_err() {
+        // A part of a backup is of no use. An error here is told by the one before.
+        let _ = std::fs::remove_file(&part);
+    }
+    done?;
+    println!("wrote {} ({:.1} MB)", path.display(), bar.position() as f64 / 1e6);
+    Ok(())
+}
+
+async fn restore(client: &HttpClient, path: &Path, map: &str) -> Result<()> {
+    let file = tokio::fs::File::open(path).await;
+    let file = file.with_context(|| format!("cannot read {}", path.display()))?;
+    client.restore(map, file).await?;
+    println!("map {map} is there; the server loads it now");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use serde_json::json;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        maps: Maps,
+    }
+
+    #[test]
+    fn commands_are_read() {
+        let read = |words: &[&str]| Line::try_parse_from([&["maps"], words].concat());
+        let line = read(&["backup", "kitchen", "k.tar", "--http", "robot:80"]).unwrap();
+        assert_eq!(line.maps.http, "robot:80");
+        assert!(matches!(line.maps.action, Action::Backup { map, .. } if map == "kitchen"));
+        for wrong in [&["backup", "kitchen"][..], &["show"], &["restore", "k.tar"], &[]] {
+            assert!(read(wrong).is_err(), "{wrong:?}");
+        }
+    }
+
+    fn status(extra: serde_json::Value) -> Status {
+        let mut value = json!({"name": "room", "revision": 1, "frames_received": 60,
+            "frames_tracked": 58, "frames_lost": 2, "frames_dropped": 0, "frames_refused": 0,
+            "keyframes": 9, "gaussians": 48213, "gpu_bytes": 20_000_000, "keyframe_bytes": 0,
+            "tracking_state": "tracking", "olae_version": 1, "queue_depth": 0,
+            "queue_capacity": 8, "settled": true});
+        let fields = extra.as_object().unwrap().clone();
+        value.as_object_mut().unwrap().extend(fields);
+        serde_json::from_value(value).unwrap()
+    }
+
+    #[test]
+    fn maps_are_listed_with_their_states() {
+        assert!(listed(&[]).contains("no map"));
+        let text = listed(&[status(json!({}))]);
+        assert!(text.contains("settled") && text.contains("48213"), "{text}");
+        let loading = json!({"state": "loading", "settled": false,
+            "loading": {"frames_done": 12, "frames_total": 60}});
+        assert_eq!(state(&status(loading)), "loading, 12 of 60 frames");
+        assert_eq!(state(&status(json!({"state": "failed", "failure": "full"}))), "failed");
+        assert_eq!(state(&status(json!({"settled": false}))), "working");
+    }
+}

@@ -1,0 +1,139 @@
+//! Backups over HTTP: a map as one file, and back.
+
+use super::error::Problem;
+use super::extract::Segments;
+use super::state::State;
+use crate::maps::{self, BackupError};
+use axum::body::{Body, Bytes};
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use futures::StreamExt as _;
+use lexsplat_proto::json;
+use std::io::{Read, Write};
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+
+/// Bytes in a part of the archive.
+const PART_BYTES: usize = 256 << 10;
+/// Parts that may wait for the reader.
+const BACKLOG: usize = 4;
+/// What is read of an archive after it was refused, at most.
+const DRAINED_BYTES: usize = 64 << 20;
+const DRAINED_WITHIN: Duration = Duration::from_secs(10);
+
+/// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile.
+#[utoipa::path(
+    get, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
+    responses(
+        (status = 200, description = "a tar", content_type = "application/x-tar"),
+        (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
+        (status = 409, description = "nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn take(state: State, segments: Segments) -> Result<impl IntoResponse, Problem> {
+    let name = segments.get("name");
+    let backup = maps::backup(&state.maps, name).await?;
+    let (parts, stream) = mpsc::channel(BACKLOG);
+    let map = name.to_owned();
+    tokio::task::spawn_blocking(move || {
+        let failed = parts.clone();
+        let out = std::io::BufWriter::with_capacity(PART_BYTES, Parts(parts));
+        if let Err(error) = backup.write(out) {
+            tracing::warn!(map, %error, "a backup broke off");
+            // The reader must not take a part for the whole. If this fails, it is gone.
+            let _ = failed.blocking_send(Err(error));
+        }
+    });
+    let headers = [
+        (header::CONTENT_TYPE, "application/x-tar".to_owned()),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}.lexsplat.tar\"")),
+    ];
+    Ok((headers, Body::from_stream(ReceiverStream::new(stream))))
+}
+
+/// Puts a backup in place as a new map. It is checked first; then it is loaded.
+#[utoipa::path(
+    put, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
+    request_body(content = Vec<u8>, content_type = "application/x-tar"),
+    responses(
+        (status = 201, description = "the map is there and is being loaded"),
+        (status = 400, description = "the archive is damaged or no backup", body = json::Problem, content_type = "application/problem+json"),
+        (status = 409, description = "a map with this name exists, or nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn put(
+    state: State,
+    segments: Segments,
+    body: Body,
+) -> Result<impl IntoResponse, Problem> {
+    let name = segments.get("name");
+    let (parts, received) = mpsc::channel(BACKLOG);
+    let mut stream = body.into_data_stream();
+    let receiving = tokio::spawn(async move {
+        let mut unwanted = 0;
+        while let Some(part) = stream.next().await {
+            let bytes = part.as_ref().map_or(0, Bytes::len);
+            if parts.send(part.map_err(std::io::Error::other)).await.is_err() {
+                unwanted += bytes;
+                if unwanted > DRAINED_BYTES {
+                    return;
+                }
+            }
+        }
+    });
+    let restored =
+        maps::restore(&state.maps, name, Received { parts: received, left: Bytes::new() });
+    let restored = restored.await;
+    if restored.is_err() {
+        // A client that is still sending would not see the answer.
+        let _ = tokio::time::timeout(DRAINED_WITHIN, receiving).await;
+    }
+    restored?;
+    Ok((StatusCode::CREATED, [(header::LOCATION, format!("/v1/maps/{name}"))]))
+}
+
+impl From<BackupError> for Problem {
+    fn from(error: BackupError) -> Self {
+        match error {
+            BackupError::Maps(error) => error.into(),
+            BackupError::NotRecorded | BackupError::Empty { .. } => {
+                Self::new(StatusCode::CONFLICT, error.to_string())
+            }
+            BackupError::Refused { .. } => Self::bad_request(error.to_string()),
+        }
+    }
+}
+
+/// Writes into a response.
+struct Parts(mpsc::Sender<std::io::Result<Bytes>>);
+
+impl Write for Parts {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let sent = self.0.blocking_send(Ok(Bytes::copy_from_slice(bytes)));
+        sent.map_err(|_| std::io::Error::from(std::io::ErrorKind::BrokenPipe))?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Reads a request.
+struct Received {
+    parts: mpsc::Receiver<std::io::Result<Bytes>>,
+    left: Bytes,
+}
+
+impl Read for Received {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        while self.left.is_empty() {
+            let Some(part) = self.parts.blocking_recv() else { return Ok(0) };
+            self.left = part?;
+        }
+        let part = self.left.split_to(buffer.len().min(self.left.len()));
+        buffer[..part.len()].copy_from_slice(&part);
+        Ok(part.len())
+    }
+}

@@ -1,0 +1,77 @@
+//! Backups of maps: taken while frames are mapped, and put in place under a free name.
+
+use super::error::MapsError;
+use super::recorded::RecordedMaps;
+use super::save;
+use crate::pipeline::engine::check_name;
+use crate::pipeline::map::MapError;
+use crate::store::{Backup, BackupFault};
+use std::io::Read;
+
+/// Why there is no backup, or one cannot be put in place.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum BackupError {
+    #[error(transparent)]
+    Maps(#[from] MapsError),
+    #[error("nothing is recorded: the server has no data directory (--data-dir)")]
+    NotRecorded,
+    #[error("map {name:?} has no recorded frame")]
+    Empty { name: String },
+    /// The message names the file in the archive.
+    #[error("{reason}")]
+    Refused { reason: String },
+}
+
+/// Writes a checkpoint of a map and opens its files. A map that is not loaded is backed up as it is on disk.
+///
+/// # Errors
+/// [`BackupError`].
+pub(crate) async fn backup(maps: &RecordedMaps, name: &str) -> Result<Backup, BackupError> {
+    match maps.get(name) {
+        Ok(map) => {
+            if let Err(reason) = save::save(maps, &map).await {
+                // The recording is enough, with an older checkpoint or none.
+                tracing::warn!(map = name, reason, "a backup has no new checkpoint");
+            }
+        }
+        Err(MapsError::Loading { .. } | MapsError::Map(MapError::Failed { .. })) => {}
+        Err(error) => return Err(error.into()),
+    }
+    let (store, map) = (maps.store().clone(), name.to_owned());
+    let opened = tokio::task::spawn_blocking(move || store.backup(&map)).await;
+    let opened = opened.map_err(|_| MapsError::Panicked)?.map_err(MapsError::from)?;
+    match opened {
+        Some(backup) => Ok(backup),
+        None if maps.store().is_recording() => Err(BackupError::Empty { name: name.to_owned() }),
+        None => Err(BackupError::NotRecorded),
+    }
+}
+
+/// Puts a backup in place as a map of a name that is free; then it is loaded. Nothing is changed if the
+/// backup is damaged.
+///
+/// # Errors
+/// [`BackupError`].
+pub(crate) async fn restore(
+    maps: &RecordedMaps,
+    name: &str,
+    tar: impl Read + Send + 'static,
+) -> Result<(), BackupError> {
+    check_name(name).map_err(MapsError::from)?;
+    let reserved = maps.reserve(name)?;
+    let (store, map) = (maps.store().clone(), name.to_owned());
+    // To the end even if the caller is gone, so that the name is free or has a map.
+    let restored = tokio::task::spawn_blocking(move || {
+        let restored = store.restore(&map, tar);
+        if matches!(restored, Ok(true)) {
+            reserved.fill();
+        }
+        restored
+    });
+    match restored.await.map_err(|_| MapsError::Panicked)? {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(BackupError::NotRecorded),
+        Err(BackupFault::Store(error)) => Err(MapsError::from(error).into()),
+        Err(BackupFault::Refused(reason)) => Err(BackupError::Refused { reason }),
+    }
+}

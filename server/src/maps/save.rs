@@ -1,0 +1,59 @@
+//! Writing checkpoints: now and then while the server runs, and when it stops.
+
+use super::recorded::RecordedMaps;
+use crate::pipeline::map::Map;
+use crate::store::Label;
+use crate::telemetry::CHECKPOINT_SECONDS;
+use std::time::{Duration, Instant};
+use tokio_util::sync::CancellationToken;
+
+/// Writes checkpoints of all maps that changed, every so often, until the server stops.
+pub(crate) async fn save_every(maps: RecordedMaps, pause: Duration, stopping: CancellationToken) {
+    while tokio::time::timeout(pause, stopping.cancelled()).await.is_err() {
+        save_all(&maps).await;
+    }
+}
+
+/// Writes checkpoints of all maps that changed since their last one. One that cannot be written is reported:
+/// its frames are in the recording.
+pub(crate) async fn save_all(maps: &RecordedMaps) {
+    for map in maps.engine().maps() {
+        if let Err(reason) = save(maps, &map).await {
+            tracing::error!(map = map.name(), reason, "cannot write a checkpoint");
+        }
+    }
+}
+
+/// Writes a checkpoint of a map if it changed since the last one.
+///
+/// # Errors
+/// The reason, without a path of the server.
+pub(crate) async fn save(maps: &RecordedMaps, map: &Map) -> Result<(), String> {
+    let state = (map.received_through(), map.status().revision);
+    // A map that has failed keeps its last checkpoint.
+    if !maps.is_recorded(map.name())
+        || map.failure().is_some()
+        || !maps.is_unsaved(map.name(), state)
+    {
+        return Ok(());
+    }
+    let began = Instant::now();
+    let saved = map.save().await?;
+    let Some(through) = saved.through() else { return Ok(()) };
+    let fingerprint = maps.engine().fingerprint().to_owned();
+    let label = Label { map: map.name().to_owned(), fingerprint, through, frames: saved.frames() };
+    let store = maps.store().clone();
+    let written = tokio::task::spawn_blocking(move || {
+        store.save(&label, |mut out| saved.write(&mut out).map_err(std::io::Error::other))
+    });
+    let written = written.await.map_err(|_| "writing panicked".to_owned())?;
+    let bytes = written.map_err(|error| {
+        tracing::error!(map = map.name(), %error, "cannot write a checkpoint");
+        error.reason()
+    })?;
+    let seconds = began.elapsed();
+    metrics::histogram!(CHECKPOINT_SECONDS).record(seconds);
+    tracing::info!(map = map.name(), through, bytes, seconds = seconds.as_secs_f64(), "checkpoint");
+    maps.note_saved(map.name(), state);
+    Ok(())
+}

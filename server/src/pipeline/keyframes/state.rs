@@ -1,0 +1,170 @@
+//! A keyframe in host memory alone, to be kept and made again as it was.
+
+use super::super::downsampled_frame::DownsampledFrame;
+use super::super::features::Features;
+use super::super::frame::{Intrinsics, TrackedFrame};
+use super::super::pose_adam::PoseAdam;
+use super::super::saving::{CameraFields, packed};
+use super::keyframe::Keyframe;
+use super::language::KeyframeLanguage;
+use super::thumbnail::Thumbnail;
+use half::f16;
+use half::slice::HalfFloatSliceExt as _;
+use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError, LanguageTarget};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// All that is known of a keyframe. Pictures are shared with it.
+#[derive(Serialize, Deserialize)]
+pub(in super::super) struct KeyframeState {
+    frame: TrackedFrame,
+    intrinsics: Intrinsics,
+    /// The different ones of the received image, and those for training and for tracking, in this order.
+    rgb: Vec<Rgb>,
+    /// Which of them each image is.
+    rgb_of: [usize; 3],
+    /// The different ones of the depths for training and for tracking, in this order.
+    depths: Vec<Depth>,
+    depth_of: [usize; 2],
+    #[serde(with = "CameraFields")]
+    training: Camera,
+    #[serde(with = "CameraFields")]
+    tracking: Camera,
+    map_exposure: [f64; 2],
+    features: Features,
+    thumbnail: Thumbnail,
+    is_estimated: bool,
+    is_connected: bool,
+    pose_adam: PoseAdam,
+    steps: usize,
+    language: Option<LanguageState>,
+    overlap_points: Vec<Point3<f64>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Rgb(#[serde(with = "packed")] Arc<[u8]>);
+
+#[derive(Serialize, Deserialize)]
+struct Depth(#[serde(with = "packed")] Arc<[f32]>);
+
+#[derive(Serialize, Deserialize)]
+struct LanguageState {
+    #[serde(with = "CameraFields")]
+    camera: Camera,
+    size: [u32; 2],
+    /// The training target. It cannot be made from the codes, which were rounded later.
+    #[serde(with = "packed")]
+    target: Vec<f32>,
+    /// The bits of the half-precision codes.
+    #[serde(with = "packed")]
+    codes: Vec<u16>,
+    version: u64,
+}
+
+impl KeyframeState {
+    /// Reads a keyframe.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn of(keyframe: &Keyframe, gpu: &Gpu) -> Result<Self, GpuError> {
+        let (training, tracking) = (&keyframe.training, &keyframe.tracking);
+        let (rgb, rgb_of) = distinct([&keyframe.rgb, &training.rgb, &tracking.rgb]);
+        let (depths, depth_of) = distinct([&training.depth_metres, &tracking.depth_metres]);
+        let language = keyframe.language.as_ref();
+        Ok(Self {
+            frame: keyframe.frame,
+            intrinsics: keyframe.intrinsics,
+            rgb: rgb.into_iter().map(Rgb).collect(),
+            rgb_of,
+            depths: depths.into_iter().map(Depth).collect(),
+            depth_of,
+            training: training.camera.clone(),
+            tracking: tracking.camera.clone(),
+            map_exposure: keyframe.map_exposure,
+            features: keyframe.features.clone(),
+            thumbnail: keyframe.thumbnail.clone(),
+            is_estimated: keyframe.is_estimated,
+            is_connected: keyframe.is_connected,
+            pose_adam: keyframe.pose_adam.clone(),
+            steps: keyframe.steps,
+            language: language.map(|language| LanguageState::of(language, gpu)).transpose()?,
+            overlap_points: keyframe.overlap_points.clone(),
+        })
+    }
+
+    /// Makes the keyframe, and uploads what it has on the device.
+    ///
+    /// # Errors
+    /// [`GpuError::ShapeMismatch`] if sizes do not fit together, [`GpuError::OutOfMemory`].
+    pub fn keyframe(self, gpu: &Gpu, channels: usize) -> Result<Keyframe, GpuError> {
+        let missing = || GpuError::ShapeMismatch { what: "pictures", expected: 1, found: 0 };
+        let rgb = |of: usize| self.rgb.get(of).map(|rgb| rgb.0.clone()).ok_or_else(missing);
+        let depth = |of: usize| self.depths.get(of).map(|one| one.0.clone()).ok_or_else(missing);
+        let [received, training, tracking] = self.rgb_of;
+        let training = DownsampledFrame {
+            camera: self.training,
+            rgb: rgb(training)?,
+            depth_metres: depth(self.depth_of[0])?,
+        };
+        let tracking = DownsampledFrame {
+            camera: self.tracking,
+            rgb: rgb(tracking)?,
+            depth_metres: depth(self.depth_of[1])?,
+        };
+        let Camera { width, height, .. } = training.camera;
+        let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
+        Ok(Keyframe {
+            frame: self.frame,
+            intrinsics: self.intrinsics,
+            rgb: rgb(received)?,
+            training,
+            target,
+            tracking,
+            map_exposure: self.map_exposure,
+            features: self.features,
+            thumbnail: self.thumbnail,
+            is_estimated: self.is_estimated,
+            is_connected: self.is_connected,
+            pose_adam: self.pose_adam,
+            steps: self.steps,
+            language: self.language.map(|state| state.language(gpu, channels)).transpose()?,
+            overlap_points: self.overlap_points,
+        })
+    }
+}
+
+impl LanguageState {
+    fn of(language: &KeyframeLanguage, gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            camera: language.camera.clone(),
+            size: language.target.size(),
+            target: language.target.read(gpu)?,
+            codes: language.codes.reinterpret_cast().to_vec(),
+            version: language.version,
+        })
+    }
+
+    fn language(self, gpu: &Gpu, channels: usize) -> Result<KeyframeLanguage, GpuError> {
+        let [width, height] = self.size;
+        Ok(KeyframeLanguage {
+            camera: self.camera,
+            target: LanguageTarget::new(gpu, width, height, channels, &self.target)?,
+            codes: self.codes.into_iter().map(f16::from_bits).collect(),
+            version: self.version,
+        })
+    }
+}
+
+/// The arrays without those that are the same memory as an earlier one, and which of them each array is.
+fn distinct<T, const N: usize>(arrays: [&Arc<[T]>; N]) -> (Vec<Arc<[T]>>, [usize; N]) {
+    let mut distinct: Vec<Arc<[T]>> = Vec::new();
+    let index = arrays.map(|array| {
+        let known = distinct.iter().position(|other| Arc::ptr_eq(other, array));
+        known.unwrap_or_else(|| {
+            distinct.push(array.clone());
+            distinct.len() - 1
+        })
+    });
+    (distinct, index)
+}

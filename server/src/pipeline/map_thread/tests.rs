@@ -1,0 +1,141 @@
+//! A map that goes on from its checkpoint becomes what it would have become without one.
+
+use super::super::checkpoint::Checkpoint;
+use super::super::engine::Engine;
+use super::super::frame::Frame;
+use super::super::map::{Map, StreamGuard};
+use super::super::snapshot::MapSnapshot;
+use crate::test_support::{ROOM_CAMERA as CAMERA, per_frame_engine, ray_cast_room, tinted};
+use lexsplat_gpu::align::se3;
+use nalgebra::Vector6;
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long a map may take to settle.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Frames before the checkpoint and after it.
+const BEFORE: u64 = 5;
+const AFTER: u64 = 6;
+
+/// What a camera sees that walks to the side, 6 cm a frame; its pose is to be estimated.
+fn frame(sequence: u64) -> Frame {
+    let step = Vector6::new(0.06, -0.01, 0.02, 0.01, 0.05, 0.01);
+    let pose = se3::exp(&(step * sequence as f64));
+    let (mut rgb, mut depth) = (Vec::new(), Vec::new());
+    for (place, z) in ray_cast_room(&pose) {
+        let wave = (3.1 * place.x + 1.7 * place.y).sin() + (4.3 * place.z - 2.9 * place.x).cos();
+        rgb.extend(tinted(128.0 + 40.0 * wave + 20.0 * (9.0 * place.y + 7.0 * place.z).sin()));
+        depth.push(z as f32);
+    }
+    Frame {
+        sequence,
+        timestamp_nanos: 1 + sequence * 33_333_333,
+        intrinsics: CAMERA,
+        rgb: rgb.into(),
+        depth_metres: depth.into(),
+        world_from_camera: None,
+        hint: None,
+        labels: None,
+        held_out: false,
+    }
+}
+
+async fn send(sender: &StreamGuard, frames: std::ops::Range<u64>) {
+    for sequence in frames {
+        sender.map().submit(frame(sequence)).await.unwrap().await.unwrap();
+    }
+    let began = Instant::now();
+    while !sender.map().status().settled {
+        assert!(began.elapsed() < PATIENCE, "{:?}", sender.map().status());
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// Through bytes and back.
+fn copied(saved: Checkpoint) -> Checkpoint {
+    let mut bytes = Vec::new();
+    saved.write(&mut bytes).unwrap();
+    Checkpoint::read(&mut &bytes[..]).unwrap()
+}
+
+/// A map that goes on from a checkpoint, and the right to send to it.
+fn resumed(engine: &Engine, name: &str, saved: Checkpoint) -> StreamGuard {
+    engine.restore(name, saved).unwrap().reclaim(CAMERA).unwrap()
+}
+
+fn same(a: &MapSnapshot, b: &MapSnapshot) -> bool {
+    let poses = |snapshot: &MapSnapshot| {
+        let poses =
+            snapshot.trajectory.iter().map(|frame| (frame.sequence, frame.world_from_camera));
+        poses.collect::<Vec<_>>()
+    };
+    let languages = |snapshot: &MapSnapshot| {
+        snapshot.keyframes.iter().map(|keyframe| keyframe.has_language).collect::<Vec<_>>()
+    };
+    a.gaussians == b.gaussians
+        && a.revision == b.revision
+        && poses(a) == poses(b)
+        && languages(a) == languages(b)
+        && a.online.save() == b.online.save()
+}
+
+fn counts(map: &Map) -> [u64; 6] {
+    let status = map.status();
+    let bytes = status.keyframe_bytes;
+    [status.frames_received, status.frames_tracked, status.keyframes, status.gaussians, bytes, {
+        status.olae_version
+    }]
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_goes_on_as_if_it_had_never_stopped() {
+    let engine = per_frame_engine();
+    let map: Arc<Map> = engine.open("saved-original").unwrap();
+    let original = map.claim(CAMERA).unwrap();
+    send(&original, 0..BEFORE).await;
+    let state = || async { copied(map.save().await.unwrap()) };
+    let saved = state().await;
+    assert_eq!((saved.through(), saved.frames()), (Some(BEFORE - 1), BEFORE));
+    let copy = resumed(&engine, "saved-copy", saved);
+    assert!(same(&map.snapshot(), &copy.map().snapshot()), "at the checkpoint");
+    assert_eq!(counts(&map), counts(copy.map()));
+
+    let mut forgetful = state().await;
+    // The moments of the means follow the means: four numbers of four bytes each.
+    let row = 16 * forgetful.gaussians.len;
+    forgetful.gaussians.bytes[row..3 * row].fill(0);
+    let forgetful = resumed(&engine, "saved-without-moments", forgetful);
+    let mut other = state().await;
+    other.core.live.rng = ChaCha8Rng::seed_from_u64(7);
+    let other = resumed(&engine, "saved-with-other-luck", other);
+
+    let all = BEFORE..BEFORE + AFTER;
+    for sender in [&original, &copy, &forgetful, &other] {
+        send(sender, all.clone()).await;
+    }
+    assert!(counts(&map)[2] > 2, "{:?}", counts(&map));
+    assert_eq!(counts(&map), counts(copy.map()));
+    assert!(same(&map.snapshot(), &copy.map().snapshot()), "bit for bit");
+    let (mine, its) = (map.save().await.unwrap(), copy.map().save().await.unwrap());
+    assert!(mine.gaussians == its.gaussians, "the moments too");
+    assert!(!same(&map.snapshot(), &forgetful.map().snapshot()), "without moments");
+    assert!(!same(&map.snapshot(), &other.map().snapshot()), "with other random numbers");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_checkpoint_of_another_map_thread_is_refused_if_it_does_not_fit() {
+    let engine = per_frame_engine();
+    let sender = engine.open("saved-odd").unwrap().claim(CAMERA).unwrap();
+    send(&sender, 0..2).await;
+    let saved = || async { sender.map().save().await.unwrap() };
+    engine.restore("saved-fits", saved().await).unwrap();
+    let mut short = saved().await;
+    short.gaussians.bytes.pop();
+    assert!(engine.restore("saved-short", short).is_err());
+    let mut other = saved().await;
+    other.core.live.online.truncate(9);
+    assert!(engine.restore("saved-other", other).is_err());
+    assert!(engine.map("saved-short").is_err() && engine.map("saved-other").is_err());
+}

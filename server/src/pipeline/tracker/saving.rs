@@ -1,0 +1,48 @@
+//! Keeping and putting back what the tracker knows.
+
+use super::super::downsampled_frame::DownsampledFrame;
+use super::Tracker;
+use super::frame_aligner::FrameAligner;
+use super::state::TrackerState;
+use lexsplat_gpu::GpuError;
+use nalgebra::Isometry3;
+
+impl Tracker {
+    /// What it knows.
+    pub fn save(&self) -> TrackerState {
+        TrackerState {
+            motion: self.motion.clone(),
+            exposure: self.exposure,
+            state: self.state,
+            judge: self.judge,
+            young: self.young.clone(),
+            last: self.aligner.as_ref().and_then(FrameAligner::last),
+        }
+    }
+
+    /// Puts back what a tracker with the same settings knew.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn restore(&mut self, saved: TrackerState) -> Result<(), GpuError> {
+        let TrackerState { motion, exposure, state, judge, young, last } = saved;
+        let stray = young
+            .stray()
+            .map(|frame| DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width));
+        let camera = last.as_ref().map(|(image, _)| image).or(stray.as_ref()).map(|im| &im.camera);
+        if let Some(camera) = camera {
+            self.aligner = FrameAligner::new(&self.gpu, camera, &self.config)?;
+        }
+        if let Some(aligner) = &mut self.aligner {
+            if let Some(stray) = &stray {
+                aligner.restore_stray(stray)?;
+            }
+            if let Some((image, found)) = last {
+                aligner.restore_last(image, found)?;
+            }
+        }
+        (self.motion, self.exposure, self.state) = (motion, exposure, state);
+        (self.judge, self.young) = (judge, young);
+        Ok(())
+    }
+}
