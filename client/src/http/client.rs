@@ -1,6 +1,7 @@
 //! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
 
 use super::error::HttpError;
+use super::map_file::{MapFile, ReadOf};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
     Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Problem, Question,
@@ -23,26 +24,6 @@ pub struct HttpClient {
 const LOADING: Duration = Duration::from_secs(600);
 /// Between two tries meanwhile.
 const RETRY: Duration = Duration::from_secs(1);
-
-/// A file of a map, and what it is of.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MapFile {
-    /// The contents.
-    pub bytes: Vec<u8>,
-    /// What they are of.
-    pub of: ReadOf,
-}
-
-/// The state of the map that an answer or a file is of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReadOf {
-    /// Revision of the map.
-    pub revision: u64,
-    /// The newest frame that it had.
-    pub through: Option<u64>,
-    /// Whether it had done its work on all frames that it had received.
-    pub settled: bool,
-}
 
 impl HttpClient {
     /// The server at `HOST:PORT` or `http://HOST:PORT`; connects when first asked.
@@ -246,7 +227,7 @@ impl HttpClient {
     pub async fn trajectory(&self, map: &str) -> Result<MapFile, HttpError> {
         let request = self.read(self.client.get(self.url(map, &["trajectory"])));
         let response = self.send(request).await?;
-        let of = read_of(response.headers());
+        let of = ReadOf::from_headers(response.headers());
         let bytes = response.bytes().await.map_err(|error| self.lost(&error))?.into();
         Ok(MapFile { bytes, of })
     }
@@ -265,7 +246,7 @@ impl HttpClient {
     ) -> Result<MapFile, HttpError> {
         let request = self.read(self.client.get(self.url(map, &["export", file]))).query(options);
         let mut response = self.send(request).await?;
-        let of = read_of(response.headers());
+        let of = ReadOf::from_headers(response.headers());
         let total = response.content_length();
         let mut bytes = Vec::new();
         while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {
@@ -347,16 +328,6 @@ impl HttpClient {
 /// Whether a refusal says that the map is being loaded.
 fn is_loading(body: &[u8]) -> bool {
     serde_json::from_slice::<Problem>(body).is_ok_and(|problem| problem.progress.is_some())
-}
-
-/// What a file is of, from its headers.
-fn read_of(headers: &header::HeaderMap) -> ReadOf {
-    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
-    ReadOf {
-        revision: text("lexsplat-revision").and_then(|text| text.parse().ok()).unwrap_or_default(),
-        through: text("lexsplat-through").and_then(|text| text.parse().ok()),
-        settled: text("lexsplat-settled") == Some("true"),
-    }
 }
 
 /// The message of a refusal, on one line.
