@@ -19,8 +19,6 @@ use tokio::signal::unix::{SignalKind, signal};
 #[derive(Parser)]
 #[command(name = "lexsplat-server", version, args_conflicts_with_subcommands = true)]
 struct Arguments {
-    #[command(subcommand)]
-    command: Option<Command>,
     /// Settings file (TOML); environment variables LEXSPLAT__SECTION__KEY override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,

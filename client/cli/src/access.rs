@@ -8,16 +8,22 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, clap::Args)]
 pub struct AccessOptions {
     /// The token that `lexsplat-server token` printed; in the environment no list of processes shows it
-    #[arg(long, value_name = "TOKEN", env = "LEXSPLAT_TOKEN", hide_env_values = true)]
+    #[arg(
+        long,
+        global = true,
+        value_name = "TOKEN",
+        env = "LEXSPLAT_TOKEN",
+        hide_env_values = true
+    )]
     token: Option<String>,
     /// Certificates (PEM) of the authorities to trust for https:// instead of the system's
-    #[arg(long, value_name = "FILE", env = "LEXSPLAT_CA")]
+    #[arg(long, global = true, value_name = "FILE", env = "LEXSPLAT_CA")]
     ca: Option<PathBuf>,
     /// Client certificate (PEM), for servers that ask for one
-    #[arg(long, value_name = "FILE", requires = "client_key")]
+    #[arg(long, global = true, value_name = "FILE", requires = "client_key")]
     client_certificate: Option<PathBuf>,
     /// Its private key (PEM)
-    #[arg(long, value_name = "FILE", requires = "client_certificate")]
+    #[arg(long, global = true, value_name = "FILE", requires = "client_certificate")]
     client_key: Option<PathBuf>,
 }
 

@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use indicatif::ProgressBar;
-use lexsplat_client::access::Access;
+use lexsplat_client::Access;
 use lexsplat_client::http::{HttpClient, HttpError, ReadOf};
 use std::time::Duration;
 

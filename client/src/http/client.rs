@@ -1,6 +1,7 @@
 //! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
 
 use super::error::HttpError;
+use super::map_file::{MapFile, ReadOf};
 use crate::access::{Access, AccessError, Identity, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
@@ -25,26 +26,6 @@ pub struct HttpClient {
 const LOADING: Duration = Duration::from_secs(600);
 /// Between two tries meanwhile.
 const RETRY: Duration = Duration::from_secs(1);
-
-/// A file of a map, and what it is of.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MapFile {
-    /// The contents.
-    pub bytes: Vec<u8>,
-    /// What they are of.
-    pub of: ReadOf,
-}
-
-/// The state of the map that an answer or a file is of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReadOf {
-    /// Revision of the map.
-    pub revision: u64,
-    /// The newest frame that it had.
-    pub through: Option<u64>,
-    /// Whether it had done its work on all frames that it had received.
-    pub settled: bool,
-}
 
 impl HttpClient {
     /// The server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`; connects when first
@@ -121,7 +102,14 @@ impl HttpClient {
     /// # Errors
     /// See [`Self::status`].
     pub async fn restore(&self, map: &str, backup: tokio::fs::File) -> Result<(), HttpError> {
-        self.send(self.client.put(self.url(map, &["backup"])).body(backup)).await.map(drop)
+        self.send(
+            self.client
+                .put(self.url(map, &["backup"]))
+                .header(header::CONTENT_TYPE, "application/x-tar")
+                .body(backup),
+        )
+        .await
+        .map(drop)
     }
 
     /// The server's graphics adapter, networks and version.
@@ -259,7 +247,7 @@ impl HttpClient {
     pub async fn trajectory(&self, map: &str) -> Result<MapFile, HttpError> {
         let request = self.read(self.client.get(self.url(map, &["trajectory"])));
         let response = self.send(request).await?;
-        let of = read_of(response.headers());
+        let of = ReadOf::from_headers(response.headers());
         let bytes = response.bytes().await.map_err(|error| self.lost(&error))?.into();
         Ok(MapFile { bytes, of })
     }
@@ -278,7 +266,7 @@ impl HttpClient {
     ) -> Result<MapFile, HttpError> {
         let request = self.read(self.client.get(self.url(map, &["export", file]))).query(options);
         let mut response = self.send(request).await?;
-        let of = read_of(response.headers());
+        let of = ReadOf::from_headers(response.headers());
         let total = response.content_length();
         let mut bytes = Vec::new();
         while let Some(chunk) = response.chunk().await.map_err(|error| self.lost(&error))? {
@@ -364,16 +352,6 @@ impl HttpClient {
 /// Whether a refusal says that the map is being loaded.
 fn is_loading(body: &[u8]) -> bool {
     serde_json::from_slice::<Problem>(body).is_ok_and(|problem| problem.progress.is_some())
-}
-
-/// What a file is of, from its headers.
-fn read_of(headers: &header::HeaderMap) -> ReadOf {
-    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
-    ReadOf {
-        revision: text("lexsplat-revision").and_then(|text| text.parse().ok()).unwrap_or_default(),
-        through: text("lexsplat-through").and_then(|text| text.parse().ok()),
-        settled: text("lexsplat-settled") == Some("true"),
-    }
 }
 
 /// The message of a refusal, on one line.

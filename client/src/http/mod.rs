@@ -2,13 +2,15 @@
 
 mod client;
 mod error;
+mod map_file;
 mod project;
 mod settle;
 
-pub use client::{HttpClient, MapFile, ReadOf};
+pub use client::HttpClient;
 pub use error::HttpError;
 pub use lexsplat_proto::json::{
     Answer, Bounds, Camera, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry, MapState,
     Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, View,
 };
+pub use map_file::{MapFile, ReadOf};
 pub use project::project;

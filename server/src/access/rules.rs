@@ -43,6 +43,8 @@ pub(crate) const HTTP: &[(&str, &str, Need)] = &[
     ("GET", "/v1/maps/{name}/render", Need::Scope(Scope::Read)),
     ("POST", "/v1/maps/{name}/render", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/export/{file}", Need::Scope(Scope::Read)),
+    ("GET", "/v1/maps/{name}/backup", Need::Scope(Scope::Admin)),
+    ("PUT", "/v1/maps/{name}/backup", Need::Scope(Scope::Admin)),
     ("GET", "/v1/maps/{name}/events", Need::Scope(Scope::Read)),
 ];
 

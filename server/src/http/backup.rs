@@ -1,11 +1,11 @@
 //! Backups over HTTP: a map as one file, and back.
 
 use super::error::Problem;
-use super::extract::Segments;
+use super::extract::{Segments, expect_type};
 use super::state::State;
 use crate::maps::{self, BackupError};
 use axum::body::{Body, Bytes};
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::IntoResponse;
 use futures::StreamExt as _;
 use lexsplat_proto::json;
@@ -14,6 +14,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
+const TAR: &str = "application/x-tar";
 /// Bytes in a part of the archive.
 const PART_BYTES: usize = 256 << 10;
 /// Parts that may wait for the reader.
@@ -46,7 +47,7 @@ pub(super) async fn take(state: State, segments: Segments) -> Result<impl IntoRe
         }
     });
     let headers = [
-        (header::CONTENT_TYPE, "application/x-tar".to_owned()),
+        (header::CONTENT_TYPE, TAR.to_owned()),
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}.lexsplat.tar\"")),
     ];
     Ok((headers, Body::from_stream(ReceiverStream::new(stream))))
@@ -59,14 +60,17 @@ pub(super) async fn take(state: State, segments: Segments) -> Result<impl IntoRe
     responses(
         (status = 201, description = "the map is there and is being loaded"),
         (status = 400, description = "the archive is damaged or no backup", body = json::Problem, content_type = "application/problem+json"),
+        (status = 415, description = "the body is no tar", body = json::Problem, content_type = "application/problem+json"),
         (status = 409, description = "a map with this name exists, or nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn put(
     state: State,
     segments: Segments,
+    headers: HeaderMap,
     body: Body,
 ) -> Result<impl IntoResponse, Problem> {
+    expect_type(&headers, TAR)?;
     let name = segments.get("name");
     let (parts, received) = mpsc::channel(BACKLOG);
     let mut stream = body.into_data_stream();

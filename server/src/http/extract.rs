@@ -79,11 +79,7 @@ impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
-        if !is_json(request.headers()) {
-            let detail = "expected `content-type: application/json`";
-            let problem = Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail);
-            return Err(problem.at("content-type"));
-        }
+        expect_type(request.headers(), "application/json")?;
         let limit = state.config.max_body_bytes;
         let body = axum::body::to_bytes(request.into_body(), limit);
         let body = tokio::time::timeout(state.body_limit, body).await.map_err(|_| {
@@ -98,12 +94,18 @@ impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
     }
 }
 
-/// Whether the body is said to be JSON. A page of another origin cannot say so without being asked
-/// for its origin first.
-fn is_json(headers: &HeaderMap) -> bool {
+/// Checks that a body is of a media type, which no page of another origin can send unasked.
+///
+/// # Errors
+/// A problem with status 415.
+pub(super) fn expect_type(headers: &HeaderMap, expected: &str) -> Result<(), Problem> {
     let value = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
-    let kind = value.and_then(|value| value.split(';').next()).unwrap_or_default();
-    kind.trim().eq_ignore_ascii_case("application/json")
+    let found = value.unwrap_or_default().split(';').next().unwrap_or_default().trim();
+    if found.eq_ignore_ascii_case(expected) {
+        return Ok(());
+    }
+    let detail = format!("expected `content-type: {expected}`");
+    Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail).at("content-type"))
 }
 
 /// Parses JSON. The problem has the line, the column and the field.

@@ -1,6 +1,6 @@
 //! Errors of recorded maps.
 
-use super::places::LoadProgress;
+use super::progress::LoadProgress;
 use crate::pipeline::map::MapError;
 use crate::store::StoreError;
 

@@ -8,6 +8,7 @@ mod backup;
 mod error;
 mod load;
 mod places;
+mod progress;
 mod recorded;
 mod replay;
 mod save;
@@ -17,7 +18,7 @@ pub(crate) use error::MapsError;
 pub(crate) use load::keep_loading;
 #[cfg(test)]
 pub(crate) use load::load_all;
-pub(crate) use places::LoadProgress;
+pub(crate) use progress::LoadProgress;
 pub(crate) use recorded::{Listed, RecordedMaps, Recording};
 pub(crate) use save::{save_all, save_every};
 

@@ -4,33 +4,13 @@
 //! Maps are loaded in the order in which they are asked for; those that nobody asked for come last.
 
 use super::error::MapsError;
+use super::progress::LoadProgress;
 use crate::pipeline::map::MapError;
 use std::collections::{BTreeMap, VecDeque};
-use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
-
-/// How far a map is loaded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct LoadProgress {
-    /// Frames that are in the map.
-    pub frames_done: u64,
-    /// Frames in the recording; 0 if they are not counted yet.
-    pub frames_total: u64,
-}
-
-impl fmt::Display for LoadProgress {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self { frames_total: 0, .. } => formatter.write_str("it waits for its turn"),
-            Self { frames_done, frames_total } => {
-                write!(formatter, "{frames_done} of {frames_total} frames are in it")
-            }
-        }
-    }
-}
 
 /// A map that is being loaded.
 #[derive(Default)]

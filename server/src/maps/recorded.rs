@@ -1,7 +1,8 @@
 //! Creating, opening and deleting maps with their recordings.
 
 use super::error::MapsError;
-use super::places::{LoadProgress, Place, Places, Reserved, not_rebuilt};
+use super::places::{Place, Places, Reserved, not_rebuilt};
+use super::progress::LoadProgress;
 use crate::check::Opening;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};

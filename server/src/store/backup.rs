@@ -7,7 +7,7 @@ use super::checkpoints::{self, CheckpointFault, CheckpointReader};
 use super::directory::sync_directory;
 use super::error::StoreError;
 use super::examine::FileReport;
-use super::recording::is_recording;
+use super::recording::{files, is_recording};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ impl Backup {
         let mut paths = checkpoints::list(folder)?;
         paths.truncate(1);
         // After the checkpoint: then every frame that it has is in them.
-        paths.extend(recordings(folder)?);
+        paths.extend(files(folder)?);
         let open = |path: PathBuf| {
             let io = |reason| StoreError::io("read", &path, reason);
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -93,20 +93,6 @@ impl Read for Exactly {
         self.left -= read as u64;
         Ok(read)
     }
-}
-
-/// The recordings in a folder.
-pub(super) fn recordings(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let failed = |reason| StoreError::io("list", folder, reason);
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        if entry.file_name().to_str().is_some_and(is_recording) {
-            found.push(entry.path());
-        }
-    }
-    found.sort();
-    Ok(found)
 }
 
 /// Unpacks a backup into a folder, which must not exist, and checks every file. After an error the folder is
@@ -171,7 +157,7 @@ fn copy(from: &mut impl Read, to: &mut File, path: &Path) -> Result<(), BackupFa
 /// Checks every file of a folder: a backup has a recording with frames, and nothing that is damaged.
 fn check(folder: &Path) -> Result<(), BackupFault> {
     let mut frames = 0;
-    for path in recordings(folder)? {
+    for path in files(folder)? {
         let name = path.file_name().unwrap_or_default().display().to_string();
         let report = FileReport::read(&path)?;
         if !report.damages.is_empty() {

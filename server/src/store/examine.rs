@@ -1,6 +1,5 @@
 //! Reading all files of a data directory without changing one, to find damage.
 
-use super::backup::recordings;
 use super::checkpoints::{self, CheckpointFault, CheckpointReader};
 use super::directory::maps_in;
 use super::error::StoreError;
@@ -58,7 +57,7 @@ pub(crate) fn examine(data: &Path) -> Result<Vec<MapReport>, StoreError> {
 fn examine_map(map: String, folder: &Path) -> Result<MapReport, StoreError> {
     let mut report = MapReport { map, files: 0, frames: 0, checkpoint: None, damages: Vec::new() };
     let called = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
-    for path in recordings(folder)? {
+    for path in recording::files(folder)? {
         report.files += 1;
         match FileReport::read(&path) {
             Ok(file) => {

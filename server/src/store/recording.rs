@@ -226,6 +226,14 @@ fn copy(from: &Path, to: &Path) -> Result<bool, StoreError> {
     Ok(has_frames)
 }
 
+/// The files of a recording, oldest first.
+///
+/// # Errors
+/// [`StoreError::Io`].
+pub(super) fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    Ok(names(folder, is_recording)?.iter().map(|name| folder.join(name)).collect())
+}
+
 /// The damaged files that were set aside.
 ///
 /// # Errors

@@ -1,5 +1,6 @@
 //! `lexsplat maps`: lists, describes, deletes, saves and restores the maps of a server.
 
+use crate::access::AccessOptions;
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -21,6 +22,8 @@ pub struct Maps {
     /// The server's HTTP address
     #[arg(long, global = true, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
+    #[command(flatten)]
+    access: AccessOptions,
 }
 
 #[derive(Subcommand)]
@@ -59,7 +62,7 @@ enum Action {
 
 /// Runs the command.
 pub async fn run(arguments: &Maps) -> Result<()> {
-    let client = HttpClient::new(&arguments.http)?;
+    let client = HttpClient::with_access(&arguments.http, &arguments.access.read()?)?;
     match &arguments.action {
         Action::Ls { json } => {
             let maps = client.maps().await?;

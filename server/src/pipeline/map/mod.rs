@@ -6,6 +6,7 @@
 mod error;
 mod event;
 mod reading;
+mod saving;
 mod status;
 
 pub use error::MapError;
@@ -14,7 +15,6 @@ pub use event::{MapEvent, NumberedEvent};
 pub use reading::{Reading, Wait};
 pub use status::MapStatus;
 
-use super::checkpoint::{Checkpoint, Progress};
 use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
 use super::frame_times::FrameTimes;
 use super::input_warning::InputWarning;
@@ -177,30 +177,6 @@ impl Map {
         Ok(StreamGuard { map: self.clone() })
     }
 
-    /// As [`Map::claim`], to go on with the last stream: the camera is where it was.
-    ///
-    /// # Errors
-    /// As [`Map::claim`].
-    pub fn reclaim(self: &Arc<Self>, intrinsics: Intrinsics) -> Result<StreamGuard, MapError> {
-        let guard = self.claim(intrinsics)?;
-        let mut shared = self.shared();
-        shared.streams = shared.streams.saturating_sub(1).max(1);
-        drop(shared);
-        Ok(guard)
-    }
-
-    /// Copies the whole state of the map, from which it can be continued exactly. With the clock `per_frame`
-    /// this waits for the steps and the language of the last frame.
-    ///
-    /// # Errors
-    /// The reason, if the map has failed or was stopped.
-    pub async fn save(&self) -> Result<Checkpoint, String> {
-        let (reply, saved) = oneshot::channel();
-        let stopped = || self.failure().unwrap_or_else(|| "it was stopped".into());
-        self.messages.send(Message::Save(reply)).await.map_err(|_| stopped())?;
-        saved.await.map_err(|_| stopped())?
-    }
-
     /// Sends a frame to the map's thread; waits while the queue is full. The receiver resolves when the frame
     /// was mapped; it is closed if the thread stopped first. A frame whose time is not later than the newest
     /// frame's gets another time (`frame_times.rs`).
@@ -292,38 +268,6 @@ impl Map {
             recording_damage: shared.recording_damage.clone(),
             input_warnings: shared.input_warnings.clone(),
         }
-    }
-
-    /// Called by the map's thread: adds what is only known here to how far the map has come.
-    pub(super) fn save_progress(&self, progress: &mut Progress) {
-        let shared = self.shared();
-        progress.intrinsics = shared.intrinsics;
-        progress.input_warnings.clone_from(&shared.input_warnings);
-        progress.next_event = shared.next_event;
-        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        progress.frames_tracked = read(&self.counters.tracked);
-        progress.frames_lost = read(&self.counters.lost);
-        progress.frames_refused = read(&self.counters.refused);
-    }
-
-    /// Puts back what [`Map::save_progress`] and the thread saved, before the first frame.
-    pub(super) fn restore_progress(&self, progress: Progress, tracking: TrackingState) {
-        let Progress { through, stream, times, intrinsics, input_warnings, next_event, .. } =
-            progress;
-        let Progress { frames_tracked, frames_lost, frames_refused, .. } = progress;
-        let write = |counter: &AtomicU64, value| counter.store(value, Ordering::Relaxed);
-        write(&self.counters.received, frames_tracked + frames_lost);
-        write(&self.counters.tracked, frames_tracked);
-        write(&self.counters.lost, frames_lost);
-        write(&self.counters.refused, frames_refused);
-        let mut shared = self.shared();
-        shared.tracking = tracking;
-        shared.input_warnings = input_warnings;
-        shared.intrinsics = intrinsics;
-        shared.received_through = through;
-        shared.streams = stream;
-        shared.times = times;
-        shared.next_event = next_event;
     }
 
     /// The sending end of the thread's messages.

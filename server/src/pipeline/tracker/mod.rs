@@ -101,12 +101,6 @@ impl Tracker {
         }
     }
 
-    /// Forgets the map, which was emptied. Kernels and buffers are kept.
-    pub fn begin_anew(&mut self) {
-        let aligner = self.aligner.take();
-        *self = Self { aligner, ..Self::new(&self.gpu, &self.config) };
-    }
-
     /// State after the newest frame.
     pub fn state(&self) -> TrackingState {
         self.state

@@ -1,4 +1,4 @@
-//! Keeping and putting back what the tracker knows.
+//! Keeping, putting back and forgetting what the tracker knows.
 
 use super::super::downsampled_frame::DownsampledFrame;
 use super::Tracker;
@@ -18,6 +18,12 @@ impl Tracker {
             young: self.young.clone(),
             last: self.aligner.as_ref().and_then(FrameAligner::last),
         }
+    }
+
+    /// Forgets the map, which was emptied. Kernels and buffers are kept.
+    pub fn begin_anew(&mut self) {
+        let aligner = self.aligner.take();
+        *self = Self { aligner, ..Self::new(&self.gpu, &self.config) };
     }
 
     /// Puts back what a tracker with the same settings knew.
