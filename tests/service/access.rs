@@ -196,6 +196,19 @@ async fn the_table_has_every_route_and_what_is_closed_is_closed() {
     asking.server.stop().await;
 }
 
+/// The message that opens a map.
+fn opening(map: String) -> v1::FrameMessage {
+    let intrinsics = v1::Intrinsics { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 };
+    let open = v1::OpenMap {
+        map,
+        intrinsics: Some(intrinsics),
+        depth_unit_metres: 0.001,
+        pose_source: v1::PoseSource::Given.into(),
+        label_texts: Vec::new(),
+    };
+    v1::FrameMessage { message: Some(Message::Open(open)) }
+}
+
 /// Calls with a token.
 struct Caller {
     client: MappingClient<Channel>,
@@ -261,16 +274,7 @@ impl Caller {
     }
 
     async fn stream(&mut self, map: String) -> Result<(), Status> {
-        let intrinsics = v1::Intrinsics { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 };
-        let open = v1::OpenMap {
-            map,
-            intrinsics: Some(intrinsics),
-            depth_unit_metres: 0.001,
-            pose_source: v1::PoseSource::Given.into(),
-            label_texts: Vec::new(),
-        };
-        let open = v1::FrameMessage { message: Some(Message::Open(open)) };
-        let request = self.with_token(tokio_stream::iter([open]));
+        let request = self.with_token(tokio_stream::iter([opening(map)]));
         let opened = self.client.stream_frames(request).await;
         first_error(opened).await.map_or(Ok(()), Err)
     }
@@ -415,5 +419,34 @@ async fn the_command_line_sends_its_token_and_never_shows_it() {
         assert!(said.contains(expected), "{arguments:?}: {said}");
         assert!(!said.contains(token), "{arguments:?} shows the token: {said}");
     }
+    asking.server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn streams_and_events_end_when_their_token_is_withdrawn() {
+    let asking = Asking::start(&[]).await;
+    let goes = token(&asking.file, "goes", &Scope::ALL, "*");
+    asking.until(&goes, StatusCode::OK).await;
+    let mut robot = asking.caller(Some(&goes)).await;
+    let (frames, outbound) = tokio::sync::mpsc::channel(1);
+    frames.send(opening("kitchen".into())).await.expect("there is room");
+    let outbound = tokio_stream::wrappers::ReceiverStream::new(outbound);
+    let request = robot.with_token(outbound);
+    let mut acks = robot.client.stream_frames(request).await.expect("it opens").into_inner();
+    acks.message().await.expect("it is open").expect("the opening is acknowledged");
+    let events = asking.request("GET", "/v1/maps/kitchen/events", Some(&goes)).send().await;
+    let events = events.expect("an answer");
+    assert_eq!(events.status(), StatusCode::OK);
+    // Another caller's line changes: nothing happens to this one.
+    let other = token(&asking.file, "other", &[Scope::Read], "*");
+    asking.until(&other, StatusCode::OK).await;
+    assert!(!frames.is_closed());
+    let text = std::fs::read_to_string(&asking.file).expect("it is there");
+    std::fs::write(&asking.file, text.replace("goes read", "goes-away read")).expect("written");
+    let ended = tokio::time::timeout(PATIENCE, acks.message()).await.expect("the stream ends");
+    assert_eq!(ended.expect_err("with a reason").code(), Code::Unauthenticated);
+    let rest = tokio::time::timeout(PATIENCE, events.text()).await.expect("the events end");
+    assert!(rest.expect("they end well").starts_with("event: status"));
+    drop(frames);
     asking.server.stop().await;
 }

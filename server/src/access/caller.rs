@@ -4,6 +4,7 @@ use super::entry::{Entry, Maps};
 use super::scope::Scope;
 use crate::net::Peer;
 use axum::http::Extensions;
+use tokio_util::sync::CancellationToken;
 
 /// Why a call is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -51,6 +52,7 @@ pub(crate) struct Caller {
     name: String,
     scopes: Vec<Scope>,
     maps: Maps,
+    withdrawn: CancellationToken,
     /// False where nobody is asked.
     is_known: bool,
 }
@@ -72,18 +74,25 @@ impl Caller {
             name: "anybody".into(),
             scopes: Scope::ALL.into(),
             maps: Maps::every(),
+            withdrawn: CancellationToken::new(),
             is_known: false,
         }
     }
 
     pub(super) fn of(entry: &Entry) -> Self {
-        let Entry { name, scopes, maps, .. } = entry.clone();
-        Self { name, scopes, maps, is_known: true }
+        let Entry { name, scopes, maps, withdrawn, .. } = entry.clone();
+        Self { name, scopes, maps, withdrawn, is_known: true }
     }
 
     /// The name in the tokens file.
     pub(crate) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Waits until the caller's line in the tokens file is removed or changed. Calls that go on for
+    /// long end then.
+    pub(crate) async fn withdrawn(&self) {
+        self.withdrawn.cancelled().await;
     }
 
     /// Whether the map may be seen in lists.

@@ -64,6 +64,18 @@ impl Entries {
         Ok(())
     }
 
+    /// Puts these in the place of `old`. Callers whose line is the same stay, the others are withdrawn.
+    pub(super) fn replacing(mut self, old: &Self) -> Self {
+        for before in &old.0 {
+            let same = self.0.iter_mut().find(|entry| entry.to_line() == before.to_line());
+            match same {
+                Some(entry) => entry.withdrawn = before.withdrawn.clone(),
+                None => before.withdrawn.cancel(),
+            }
+        }
+        self
+    }
+
     pub(super) fn count(&self) -> usize {
         self.0.len()
     }
@@ -110,6 +122,18 @@ mod tests {
         std::fs::remove_file(&path).unwrap();
         let error = Entries::load(&config).unwrap_err().to_string();
         assert!(error.contains("cannot read the tokens file"), "{error}");
+    }
+
+    #[test]
+    fn callers_whose_line_is_gone_or_changed_are_withdrawn() {
+        let load = |lines: &[&str]| Entries::load(&config(lines)).unwrap();
+        let old = load(&["a read * certificate", "b read * certificate", "c read * certificate"]);
+        let new = load(&["c read * certificate", "b read hall certificate"]).replacing(&old);
+        let withdrawn = |of: &Entries, name| of.named(name).unwrap().withdrawn.is_cancelled();
+        assert!(withdrawn(&old, "a") && withdrawn(&old, "b") && !withdrawn(&old, "c"));
+        assert!(!withdrawn(&new, "b") && !withdrawn(&new, "c"));
+        let newest = load(&[]).replacing(&new);
+        assert!(withdrawn(&new, "b") && withdrawn(&old, "c") && newest.count() == 0);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::scope::Scope;
 use super::token::TokenHash;
+use tokio_util::sync::CancellationToken;
 
 /// In place of a hash: no token, the caller is known by a client certificate only.
 const NO_TOKEN: &str = "certificate";
@@ -15,6 +16,8 @@ pub(crate) struct Entry {
     pub(super) scopes: Vec<Scope>,
     pub(super) maps: Maps,
     pub(super) token: Option<TokenHash>,
+    /// Cancelled when the line is removed or changed.
+    pub(super) withdrawn: CancellationToken,
 }
 
 /// The maps that a caller may use: patterns separated by commas, each with at most one `*`, which
@@ -90,7 +93,13 @@ impl Entry {
                 )
             })?),
         };
-        Ok(Self { name: name.into(), scopes: scopes_of(scopes)?, maps: Maps::parse(maps)?, token })
+        Ok(Self {
+            name: name.into(),
+            scopes: scopes_of(scopes)?,
+            maps: Maps::parse(maps)?,
+            token,
+            withdrawn: CancellationToken::new(),
+        })
     }
 
     /// What [`Self::parse`] reads.

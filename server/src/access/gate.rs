@@ -49,7 +49,8 @@ impl Gate {
         let reload = move || match Entries::load(&self.0.config) {
             Ok(entries) => {
                 tracing::info!(callers = entries.count(), "the tokens file was read again");
-                *self.0.entries.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(entries);
+                let mut known = self.0.entries.write().unwrap_or_else(PoisonError::into_inner);
+                *known = Arc::new(entries.replacing(&known));
             }
             Err(error) => {
                 tracing::error!(%error, "the tokens file changed and is not used: what was known stays");

@@ -8,8 +8,10 @@ use super::event_log::EventLog;
 use super::extract::NamedMap;
 use super::state::State;
 use super::to_json::{rows, status};
+use crate::access::Caller;
 use crate::pipeline::frame::FrameOutcome;
 use crate::pipeline::map::{MapEvent, NumberedEvent};
+use axum::Extension;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
@@ -27,6 +29,7 @@ struct Reader {
     /// Id of the last event that was sent.
     seen: u64,
     stopping: CancellationToken,
+    caller: Caller,
     /// Sent before all other events.
     first: Option<Event>,
 }
@@ -44,6 +47,7 @@ impl Reader {
             tokio::select! {
                 changed = self.newest.changed() => changed.ok()?,
                 () = self.stopping.cancelled() => return None,
+                () = self.caller.withdrawn() => return None,
             }
         }
     }
@@ -109,6 +113,7 @@ fn server_sent(name: &str, id: Option<u64>, payload: &impl Serialize) -> Event {
 pub(super) async fn stream(
     state: State,
     NamedMap(map): NamedMap,
+    Extension(caller): Extension<Caller>,
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
     let log = state.event_logs.of(&map);
@@ -126,7 +131,7 @@ pub(super) async fn stream(
     };
     let status = server_sent("status", None, &status(map.status()));
     let stopping = state.stopping.clone();
-    let reader = Reader { log, newest, seen, stopping, first: Some(status) };
+    let reader = Reader { log, newest, seen, stopping, caller, first: Some(status) };
     let events = futures::stream::unfold(reader, |mut reader| async move {
         reader.next().await.map(|event| (Ok(event), reader))
     });
@@ -136,13 +141,16 @@ pub(super) async fn stream(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::access::{AccessConfig, Credentials, Gate};
     use crate::http::event_log::samples::log;
 
     fn reader(ids: impl Iterator<Item = u64>, seen: u64) -> (Reader, watch::Sender<u64>) {
         let (newest_in, newest) = watch::channel(0);
         let log = log(ids, newest.clone());
         let stopping = CancellationToken::new();
-        (Reader { log, newest, seen, stopping, first: None }, newest_in)
+        let gate = Gate::new(AccessConfig::default()).unwrap();
+        let caller = gate.identify(Credentials::default()).unwrap();
+        (Reader { log, newest, seen, stopping, caller, first: None }, newest_in)
     }
 
     #[tokio::test]

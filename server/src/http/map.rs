@@ -59,8 +59,14 @@ pub(super) async fn show(NamedMap(map): NamedMap) -> Json<Status> {
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
-pub(super) async fn delete(state: State, segments: Segments) -> Result<StatusCode, Problem> {
-    state.maps.delete(segments.get("name")).await?;
+pub(super) async fn delete(
+    state: State,
+    Extension(caller): Extension<Caller>,
+    segments: Segments,
+) -> Result<StatusCode, Problem> {
+    let map = segments.get("name");
+    state.maps.delete(map).await?;
+    tracing::info!(map, caller = caller.name(), "a map was deleted");
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -140,9 +140,11 @@ impl Mapping for MappingService {
         &self,
         request: Request<v1::DeleteMapRequest>,
     ) -> Result<Response<v1::DeleteMapResponse>, Status> {
-        permit(&caller(&request)?, &request.get_ref().name, "name")?;
+        let caller = caller(&request)?;
+        permit(&caller, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
         maps::delete(&self.0, &name).await?;
+        tracing::info!(map = name, caller = caller.name(), "a map was deleted");
         Ok(Response::new(v1::DeleteMapResponse {}))
     }
 

@@ -70,7 +70,7 @@ async fn converse(
     };
     let acknowledging = tokio::spawn(acknowledger.run(waiting, acks.clone()));
     let newest = recording.map().received_through();
-    let mut reader = Reader { recording, opening, newest, pending };
+    let mut reader = Reader { caller, recording, opening, newest, pending };
     let read = reader.run(&context, inbound).await;
     reader.recording.finish().await;
     // Frees the map for another sender and lets the acknowledger finish its queue.
@@ -115,11 +115,16 @@ fn stopping() -> Status {
     Status::unavailable("the server is stopping; acknowledged frames are in the map")
 }
 
+fn withdrawn() -> Status {
+    Status::unauthenticated("the caller's token was withdrawn or its rights were changed")
+}
+
 fn unread() -> Status {
     Status::cancelled("the sender does not read its acknowledgements")
 }
 
 struct Reader {
+    caller: Caller,
     recording: Recording,
     opening: Opening,
     /// Sequence of the last accepted frame.
@@ -139,6 +144,7 @@ impl Reader {
             let message = tokio::select! {
                 message = inbound.message() => message?,
                 () = context.stopping.cancelled() => return Err(stopping()),
+                () = self.caller.withdrawn() => return Err(withdrawn()),
                 () = self.pending.closed() => return Err(unread()),
             };
             let Some(message) = message else { return Ok(()) };

@@ -9,7 +9,10 @@ export async function call(path, options = {}) {
     throw new Error('the server does not answer');
   }
   if (!response.ok) {
-    if (response.status === 401) $('login').hidden = false;
+    if (response.status === 401 && $('login').hidden) {
+      $('login').hidden = false;
+      $('token').focus();
+    }
     const problem = await response.json().catch(() => ({}));
     throw new Error(problem.detail ?? `${response.status} ${response.statusText}`);
   }
