@@ -119,7 +119,7 @@ pub async fn serve(
     });
     let service = MappingService::new(maps.clone(), &config.ingest, stopping.clone());
     parts.spawn(async move { service.serve(listeners.grpc).await.map_err(RunError::from) });
-    let background = keep_maps(&maps, &config, &stopping);
+    let mut background = keep_maps(&maps, &config, &stopping);
     on_ready(&ready);
     let first = tokio::select! {
         () = shutdown => None,
@@ -129,7 +129,7 @@ pub async fn serve(
     stopping.cancel();
     let patience = Duration::from_secs(config.server.shutdown_seconds);
     let ended = tokio::time::timeout(patience, all_ended(first, parts)).await;
-    background.join_all().await;
+    while background.join_next().await.is_some() {}
     maps::save_all(&maps).await;
     engine.shutdown().await;
     ended.unwrap_or_else(|_| {
