@@ -134,7 +134,7 @@ pub async fn serve(
     parts.spawn(port(Protocol::Http, listeners.http, router));
     let service = MappingService::new(maps.clone(), gate, &config.ingest, stopping.clone());
     parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
-    let background = keep_maps(&maps, &config, &stopping);
+    let mut background = keep_maps(&maps, &config, &stopping);
     on_ready(&ready(&engine, addresses));
     let first = tokio::select! {
         () = shutdown => None,
@@ -144,7 +144,7 @@ pub async fn serve(
     stopping.cancel();
     let patience = Duration::from_secs(config.server.shutdown_seconds);
     let ended = tokio::time::timeout(patience, all_ended(first, parts)).await;
-    background.join_all().await;
+    while background.join_next().await.is_some() {}
     maps::save_all(&maps).await;
     engine.shutdown().await;
     ended.unwrap_or_else(|_| {

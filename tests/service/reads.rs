@@ -19,7 +19,7 @@ async fn ask(server: &Server, options: &str) -> Value {
 async fn a_read_can_wait_for_what_was_acknowledged() {
     let mut config = tiny_config();
     // Much to do, and readers get nothing by themselves before it is done.
-    config.mapper.steps_per_keyframe = 60;
+    config.mapper.steps_per_keyframe = 200;
     config.mapper.snapshot_seconds = 1e6;
     let server = Server::start(config).await;
     let robot = Robot::new(7, FRAMES as usize);

@@ -1,8 +1,12 @@
 //! A server that is started again: its maps are loaded from checkpoints and recordings, and are what they were.
 
+use lexsplat_client::dataset::Intrinsics;
+use lexsplat_client::http::{HttpClient, Question};
+use lexsplat_client::stream::{FrameStream, MapSpec, Poses};
 use lexsplat_proto::v1::{self, FrameMessage};
 use lexsplat_server::config::Config;
 use lexsplat_server::pipeline::mapper::Clock;
+use lexsplat_synthetic::Camera;
 use lexsplat_tests::{Robot, Server, tiny_config};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -204,5 +208,33 @@ async fn a_map_that_is_loading_says_so() {
     assert_eq!(deleted.await.expect("it answers").status(), 204);
     assert_eq!(get(&server, &format!("/v1/maps/{MAP}")).await.status(), 404);
     assert!(!data.path().join(format!("{MAP}.map")).exists());
+    server.stop().await;
+}
+
+/// The library's clients wait instead of failing.
+#[tokio::test(flavor = "multi_thread")]
+async fn clients_wait_for_a_map_that_is_loading() {
+    let robot = Robot::new(7, 8);
+    let data = folder();
+    after(data.path(), &[messages(&robot, 0..8)]).await;
+    std::fs::remove_file(checkpoint(data.path())).expect("it can be removed");
+    let server = Server::start(config(data.path())).await;
+    assert_eq!(get(&server, &format!("/v1/maps/{MAP}")).await.status(), 503, "it is loading");
+    let asker = HttpClient::new(&server.http).expect("an address").waiting(300);
+    let Camera { width, height, fx, fy, cx, cy } = robot.camera;
+    let spec = MapSpec {
+        map: MAP.into(),
+        intrinsics: Intrinsics { width, height, fx, fy, cx, cy },
+        depth_unit_metres: 1.0 / 6553.5,
+        poses: Poses::Estimate,
+        label_texts: Vec::new(),
+    };
+    let question = Question::in_space("chair");
+    let (answer, stream) =
+        tokio::join!(asker.query(MAP, &question), FrameStream::open(&server.grpc, spec, 1));
+    let answer = answer.expect("it is answered");
+    assert_eq!((answer.settled, answer.through), (true, Some(7)));
+    let opened = stream.expect("it opens").opened;
+    assert_eq!(opened.received_through, Some(7), "the robot goes on behind that");
     server.stop().await;
 }

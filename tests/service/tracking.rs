@@ -70,6 +70,7 @@ async fn a_robot_finds_itself_in_a_kept_map() {
     server.stop().await;
 
     let server = Server::start(config).await;
+    server.loaded("kept").await;
     let back = 8..20;
     let acks = server.send(part(&robot, back.clone(), FRAMES)).await;
     let acks = acks.expect("the stream ends well");

@@ -92,6 +92,20 @@ impl Server {
         acks.collect::<Result<Vec<_>, _>>().await
     }
 
+    /// Waits until a map that the server may still be loading is there.
+    pub async fn loaded(&self, map: &str) {
+        let (mut client, since) = (self.client().await, Instant::now());
+        loop {
+            let request = v1::GetMapRequest { name: map.to_owned() };
+            match client.get_map(request).await {
+                Ok(_) => return,
+                Err(status) => assert_eq!(status.code(), tonic::Code::Unavailable, "{status}"),
+            }
+            assert!(since.elapsed() < SETTLE, "{map} is not loaded");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
     /// Waits until the map has done its work on what it has.
     pub async fn settled(&self, map: &str) {
         let map = self.engine.map(map).expect("the map is there");

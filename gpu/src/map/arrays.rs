@@ -81,6 +81,13 @@ pub(super) fn widest_bytes(channels: usize) -> usize {
     rows_for(channels).max(GEOMETRY_ROWS) * size_of::<Row>()
 }
 
+/// Bytes of a Gaussian in all arrays together.
+pub(super) fn gaussian_bytes(channels: usize) -> usize {
+    // The mean, and for each head geometry and a feature; each with two moments. Then the steps of both.
+    let rows = 1 + 2 * GEOMETRY_ROWS + 1 + rows_for(channels);
+    3 * rows * size_of::<Row>() + 2 * size_of::<u32>()
+}
+
 /// Sets rows to zero.
 pub(super) fn clear_rows(
     encoder: &mut wgpu::CommandEncoder,

@@ -1,7 +1,7 @@
 //! A map as bytes: parameters, moments and step counts, to be kept and put back as they were.
 
 use crate::device::{Gpu, GpuError, expect_len};
-use crate::map::arrays::Array;
+use crate::map::arrays::{self, Array};
 use crate::map::gaussians::{Gaussians, MAX_CHANNELS};
 
 /// Everything that the device holds of a map, in host memory.
@@ -51,10 +51,11 @@ impl SavedGaussians {
             expect_len("bytes", 0, self.bytes.len())?;
             return Ok(gaussians);
         }
+        // Before memory is taken for a number that may be wrong.
+        let total = self.len.saturating_mul(arrays::gaussian_bytes(self.channels));
+        expect_len("bytes", total, self.bytes.len())?;
         gaussians.reserve(self.len)?;
         let arrays = gaussians.arrays.as_ref().expect("reserved above").all();
-        let total: u64 = arrays.iter().map(|array| bytes(array, self.len)).sum();
-        expect_len("bytes", total as usize, self.bytes.len())?;
         let mut rest = &self.bytes[..];
         for array in &arrays {
             let (part, behind) = rest.split_at(bytes(array, self.len) as usize);

@@ -19,6 +19,8 @@ use crate::shader::{Recorder, Tiling};
 
 /// Capacity of grown lists, as a multiple of what the view needed.
 const HEADROOM: f32 = 1.5;
+/// Most hits that lists are made for.
+const MAX_HITS: usize = 1 << 28;
 /// Fill level from which lists grow, as a share of their capacity.
 const FULL: f32 = 0.85;
 
@@ -195,7 +197,7 @@ impl HeadPass {
 
     /// Makes the next lists hold this many hits.
     pub fn set_hit_capacity(&mut self, hits: usize) {
-        self.hit_capacity = hits.max(1);
+        self.hit_capacity = hits.clamp(1, MAX_HITS);
     }
 
     /// The projected Gaussians of the last view.

@@ -7,10 +7,16 @@ use crate::telemetry::CHECKPOINT_SECONDS;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
+/// The pause is at least so many times as long as writing took: on a slow disk there are fewer checkpoints.
+const LEAST_PAUSE: u32 = 10;
+
 /// Writes checkpoints of all maps that changed, every so often, until the server stops.
 pub(crate) async fn save_every(maps: RecordedMaps, pause: Duration, stopping: CancellationToken) {
-    while tokio::time::timeout(pause, stopping.cancelled()).await.is_err() {
+    let mut took = Duration::ZERO;
+    while tokio::time::timeout(pause.max(took * LEAST_PAUSE), stopping.cancelled()).await.is_err() {
+        let began = Instant::now();
         save_all(&maps).await;
+        took = began.elapsed();
     }
 }
 

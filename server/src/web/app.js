@@ -20,6 +20,10 @@ async function listMaps() {
   $('empty').hidden = names.length > 0;
   if (!names.includes(state.map)) open(names[0] ?? null);
   select.value = state.map ?? '';
+  // A map that the server was still loading has no events before.
+  const loading = maps.find((map) => map.name === state.map)?.state === 'loading';
+  if (state.loading && !loading && state.map) open(state.map);
+  state.loading = loading;
 }
 
 function open(name) {

@@ -4,6 +4,8 @@ export const $ = (id) => document.getElementById(id);
 
 export const state = {
   map: null,
+  // Whether the server is still loading it.
+  loading: false,
   // Keyframes of the map, oldest first.
   frames: [],
   // Sequence number of the keyframe in view.

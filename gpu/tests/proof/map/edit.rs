@@ -5,7 +5,7 @@ use crate::support;
 
 use lexsplat_gpu::{
     Camera, ColorTarget, Gaussians, Gpu, GpuError, HostGaussians, LanguageTarget, LearningRates,
-    LossWeights, Renderer, Trainer, TrainingView,
+    LossWeights, Renderer, SavedGaussians, Trainer, TrainingView,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -76,6 +76,45 @@ fn removing_unseen_gaussians_does_not_change_training() {
     let wanted = pick(&whole.to_host().expect("reads"), &seen);
     assert!(cut.to_host().expect("reads") == wanted, "bit for bit");
     assert!(afresh.to_host().expect("reads") != wanted, "lost moments would show");
+}
+
+#[test]
+fn a_saved_map_goes_on_like_the_original() {
+    let gpu = support::gpu();
+    let host = support::scene(14, 90, CHANNELS, 0.1);
+    let (camera, color, language) = targets(&gpu, &host);
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
+    let mut train = |map: &mut Gaussians| {
+        let (color, language) = (Some(&color), Some((&camera, &language)));
+        let view = TrainingView { camera: &camera, color, language, exposure: [0.0; 2] };
+        for _ in 0..4 {
+            let (weights, rates) = (LossWeights::default(), LearningRates::default());
+            trainer.step(map, &view, &weights, &rates).expect("steps");
+        }
+        trainer.settle(map).expect("settles");
+    };
+    let mut original = map(&gpu, &host);
+    original.set_owner(7).expect("a small number");
+    train(&mut original);
+    let saved = SavedGaussians::of(&original).expect("reads");
+    let mut copy = saved.upload(&gpu).expect("fits");
+    assert_eq!(SavedGaussians::of(&copy).expect("reads"), saved);
+    let mut afresh = map(&gpu, &original.to_host().expect("reads"));
+    for map in [&mut original, &mut copy, &mut afresh] {
+        train(map);
+    }
+    let wanted = original.to_host().expect("reads");
+    assert!(copy.to_host().expect("reads") == wanted, "bit for bit");
+    assert!(afresh.to_host().expect("reads") != wanted, "lost moments would show");
+    let empty = SavedGaussians::of(&Gaussians::new(&gpu, CHANNELS)).expect("nothing to read");
+    assert!(empty.upload(&gpu).expect("nothing to write").is_empty());
+    for wrong in [
+        SavedGaussians { len: saved.len - 1, ..saved.clone() },
+        SavedGaussians { channels: 0, ..saved.clone() },
+        SavedGaussians { bytes: Vec::new(), ..saved },
+    ] {
+        assert!(wrong.upload(&gpu).is_err(), "{}", wrong.len);
+    }
 }
 
 #[test]

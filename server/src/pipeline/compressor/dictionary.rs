@@ -56,6 +56,11 @@ impl Default for Dictionary {
 }
 
 impl Dictionary {
+    /// Whether each entry has a sum and a direction.
+    pub(super) fn is_whole(&self) -> bool {
+        self.sums.len() == self.directions.len()
+    }
+
     /// Learns from unit codes `[n, 32]`.
     pub(super) fn observe(&mut self, codes: &Array2<f32>) {
         let stride = codes.nrows().div_ceil(SAMPLED).max(1);

@@ -64,10 +64,13 @@ impl Linear {
         }
     }
 
-    /// Makes what is not saved.
-    pub(super) fn restored(mut self) -> Self {
+    /// Makes what is not saved; `None` if the parts do not fit together.
+    pub(super) fn restored(mut self) -> Option<Self> {
+        if self.basis.len() != self.code_size * GENERIC_SIZE || !self.dictionary.is_whole() {
+            return None;
+        }
         self.decoder = self.dictionary.decoder(&self.basis);
-        self
+        Some(self)
     }
 
     /// Squared length that a basis keeps, summed over the moments.

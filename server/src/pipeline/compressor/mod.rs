@@ -39,8 +39,12 @@ pub fn restored(
     config: &CompressorConfig,
     saved: &[u8],
 ) -> Result<Box<dyn OnlineStage>, rmp_serde::decode::Error> {
+    let odd = || rmp_serde::decode::Error::Syntax("the parts do not fit together".into());
     Ok(match config.stage {
-        Stage::Linear => Box::new(rmp_serde::from_slice::<Linear>(saved)?.restored()),
+        Stage::Linear => {
+            let linear = rmp_serde::from_slice::<Linear>(saved)?;
+            Box::new(linear.restored().ok_or_else(odd)?)
+        }
         Stage::Mlp => Box::new(rmp_serde::from_slice::<Mlp>(saved)?),
     })
 }

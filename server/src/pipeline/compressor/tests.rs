@@ -233,3 +233,29 @@ fn linear_codes_blend() {
         assert!((found - expected).abs() < 1e-5);
     }
 }
+
+#[test]
+fn a_saved_stage_learns_on_like_the_original() {
+    let keyframes = drive(3);
+    for stage in [Stage::Linear, Stage::Mlp] {
+        let config = CompressorConfig { stage, ..CompressorConfig::default() };
+        let mut original = online(&config);
+        keyframes[..3].iter().for_each(|keyframe| {
+            original.observe(keyframe);
+        });
+        let saved = original.save();
+        let mut copy = restored(&config, &saved).unwrap();
+        let codes = original.encode(&keyframes[0]);
+        assert_eq!(copy.encode(&keyframes[0]), codes, "{stage:?}");
+        assert_eq!(copy.decode(&codes), original.decode(&codes), "{stage:?}");
+        for stage in [&mut original, &mut copy] {
+            stage.observe(&keyframes[40]);
+            stage.observe(&keyframes[80]);
+        }
+        assert_eq!(copy.encode(&keyframes[0]), original.encode(&keyframes[0]), "{stage:?}");
+        assert_eq!((copy.version(), copy.save()), (original.version(), original.save()));
+        assert!(restored(&config, &saved[..saved.len() - 1]).is_err(), "a part");
+        let other = if stage == Stage::Mlp { Stage::Linear } else { Stage::Mlp };
+        assert!(restored(&CompressorConfig { stage: other, ..config }, &saved).is_err(), "another");
+    }
+}
