@@ -17,6 +17,7 @@ use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
 use crate::pipeline::range::OutOfRange;
 use crate::pipeline::tracker::TrackerConfig;
+use crate::store::RecordingConfig;
 use crate::telemetry::TelemetryConfig;
 use figment::Figment;
 use figment::error::Kind;
@@ -41,6 +42,8 @@ pub struct Config {
     pub access: AccessConfig,
     /// Limits on connections.
     pub connections: ConnectionsConfig,
+    /// Limits on the data directory.
+    pub recording: RecordingConfig,
     /// Limits of the gRPC interface.
     pub ingest: IngestConfig,
     /// Choice of the GPU adapter.
@@ -166,6 +169,7 @@ impl Config {
     /// [`ConfigError::OutOfRange`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), ConfigError> {
         self.connections.check()?;
+        self.recording.check()?;
         self.ingest.check()?;
         self.http.check()?;
         self.language.check()?;

@@ -112,7 +112,7 @@ pub async fn serve(
     let tls = config.server.tls.clone().map(Tls::new).transpose()?;
     let gate = gate(&config.access, &addresses, tls.is_some())?;
     net::raise_limit(config.connections.max);
-    let store = Store::open(config.server.data_dir.as_deref())?;
+    let store = Store::open(config.server.data_dir.as_deref(), &config.recording)?;
     let maps = RecordedMaps::new(engine.clone(), store);
     maps.find_recordings()?;
     let stopping = CancellationToken::new();
@@ -198,6 +198,7 @@ fn keep_maps(maps: &RecordedMaps, config: &Config, stopping: &CancellationToken)
     if !pause.is_zero() {
         background.spawn(maps::save_every(maps.clone(), pause, stopping.clone()));
     }
+    background.spawn(maps::watch_room(maps.clone(), stopping.clone()));
     background
 }
 

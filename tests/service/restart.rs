@@ -1,5 +1,6 @@
 //! A server that is started again: its maps are loaded from checkpoints and recordings, and are what they were.
 
+use lexsplat_client::Access;
 use lexsplat_client::dataset::Intrinsics;
 use lexsplat_client::http::{HttpClient, Question};
 use lexsplat_client::stream::{FrameStream, MapSpec, Poses};
@@ -230,8 +231,11 @@ async fn clients_wait_for_a_map_that_is_loading() {
         label_texts: Vec::new(),
     };
     let question = Question::in_space("chair");
-    let (answer, stream) =
-        tokio::join!(asker.query(MAP, &question), FrameStream::open(&server.grpc, spec, 1));
+    let access = Access::default();
+    let (answer, stream) = tokio::join!(
+        asker.query(MAP, &question),
+        FrameStream::open(&server.grpc, &access, spec, 1)
+    );
     let answer = answer.expect("it is answered");
     assert_eq!((answer.settled, answer.through), (true, Some(7)));
     let opened = stream.expect("it opens").opened;

@@ -58,7 +58,7 @@ pub(super) async fn metrics(state: State) -> impl IntoResponse {
     let recorder = telemetry::recorder();
     recorder.run_upkeep();
     let statuses: Vec<MapStatus> = state.engine().maps().iter().map(|map| map.status()).collect();
-    let text = recorder.render() + &of_maps(&statuses) + &of_process();
+    let text = recorder.render() + &of_maps(&statuses) + &of_store(&state) + &of_process();
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text)
 }
 
@@ -67,6 +67,19 @@ const OF_PROCESS: [(&str, &str, &str); 2] = [
     ("VmRSS:", "process_resident_memory_bytes", "Resident memory of the process"),
     ("VmHWM:", "process_peak_resident_memory_bytes", "Peak resident memory of the process"),
 ];
+
+/// What recordings use of the disk and what is free; empty if nothing is recorded.
+fn of_store(state: &State) -> String {
+    let Ok(Some(usage)) = state.maps.usage() else { return String::new() };
+    let numbers = [
+        ("lexsplat_recorded_bytes", "Bytes of all maps in the data directory", usage.total()),
+        ("lexsplat_data_free_bytes", "Bytes that are free on its disk", usage.free),
+    ];
+    let text = numbers.map(|(name, meaning, value)| {
+        format!("# HELP {name} {meaning}\n# TYPE {name} gauge\n{name} {value}\n")
+    });
+    text.concat()
+}
 
 /// The memory of the process; empty on systems without `/proc`.
 fn of_process() -> String {

@@ -4,7 +4,7 @@ use super::{IngestConfig, MappingService};
 use crate::access::{AccessConfig, Gate};
 use crate::maps::{RecordedMaps, load_all};
 use crate::net::{self, ConnectionsConfig, Port, Protocol};
-use crate::store::Store;
+use crate::store::{RecordingConfig, Store};
 use crate::test_support::{config, engine, frame, open_message};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, OpenMap, frame_message::Message};
@@ -25,10 +25,14 @@ struct Server {
 
 impl Server {
     async fn start(data_dir: Option<&Path>) -> Self {
+        Self::start_with(data_dir, RecordingConfig::default()).await
+    }
+
+    async fn start_with(data_dir: Option<&Path>, room: RecordingConfig) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let stopping = CancellationToken::new();
-        let store = Store::open(data_dir).unwrap();
+        let store = Store::open(data_dir, &room).unwrap();
         // A short limit, so that the test of a sender that does not read is fast.
         let config = IngestConfig { ack_seconds: 1, ..config().ingest };
         let maps = RecordedMaps::new(engine(), store);
@@ -211,12 +215,15 @@ async fn durable_frames_come_back_after_a_restart() {
         assert!(ack.durable_through.is_some_and(|through| through >= sequence), "{ack:?}");
     }
     stream.finish().await;
-    assert!(Store::open(Some(folder.path())).is_err(), "the directory has an owner");
+    assert!(
+        Store::open(Some(folder.path()), &RecordingConfig::default()).is_err(),
+        "the directory has an owner"
+    );
     server.stop().await;
     // As after a restart: the map does not exist any more, its recording does.
     engine().delete("ingest-durable").await.unwrap();
     {
-        let store = Store::open(Some(folder.path())).unwrap();
+        let store = Store::open(Some(folder.path()), &RecordingConfig::default()).unwrap();
         let maps = RecordedMaps::new(engine(), store);
         load_all(&maps, &config().ingest.limits()).await.unwrap();
     }
@@ -229,6 +236,43 @@ async fn durable_frames_come_back_after_a_restart() {
     let name = "ingest-durable".to_owned();
     server.client.clone().delete_map(v1::DeleteMapRequest { name }).await.unwrap();
     assert!(!folder.path().join("ingest-durable.map").exists(), "the recording was removed, too");
+}
+
+#[tokio::test]
+async fn a_quota_ends_streams_until_there_is_room_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let quota = RecordingConfig { max_bytes: 1, ..RecordingConfig::default() };
+    let server = Server::start_with(Some(folder.path()), quota).await;
+    let (mut stream, _) = server.opened("ingest-full").await;
+    let mut durable = None;
+    let mut sequence = 0;
+    let refused = loop {
+        // Whoever has ended the stream does not read the frame.
+        let message = v1::FrameMessage { message: Some(Message::Frame(frame(sequence))) };
+        let _ = stream.frames.send(message).await;
+        match stream.ack().await {
+            Ok(ack) => durable = ack.durable_through,
+            Err(status) => break status,
+        }
+        sequence += 1;
+        assert!(sequence < 100, "the quota holds within a second or so");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    };
+    assert_eq!(refused.code(), Code::Unavailable);
+    assert!(refused.message().contains("recording.max_bytes"), "{refused}");
+    let (stream, opened) = server.opened("ingest-full").await;
+    assert_eq!(opened.received_through, durable, "the refused frame is not in the map");
+    assert_eq!(opened.durable_through, durable);
+    drop(stream);
+    let name = "ingest-full".to_owned();
+    server.client.clone().delete_map(v1::DeleteMapRequest { name }).await.unwrap();
+    let (mut stream, _) = server.opened("ingest-roomy").await;
+    stream.send(Message::Frame(frame(0))).await;
+    assert_eq!(stream.ack().await.unwrap().durable_through, Some(0));
+    stream.finish().await;
+    let name = "ingest-roomy".to_owned();
+    server.client.clone().delete_map(v1::DeleteMapRequest { name }).await.unwrap();
+    server.stop().await;
 }
 
 #[tokio::test]

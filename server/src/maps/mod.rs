@@ -11,6 +11,7 @@ mod places;
 mod progress;
 mod recorded;
 mod replay;
+mod room;
 mod save;
 
 pub(crate) use backup::{BackupError, backup, restore};
@@ -20,6 +21,7 @@ pub(crate) use load::keep_loading;
 pub(crate) use load::load_all;
 pub(crate) use progress::LoadProgress;
 pub(crate) use recorded::{Listed, RecordedMaps, Recording};
+pub(crate) use room::watch_room;
 pub(crate) use save::{save_all, save_every};
 
 #[cfg(test)]

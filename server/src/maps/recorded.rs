@@ -6,7 +6,7 @@ use super::progress::LoadProgress;
 use crate::check::Opening;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};
-use crate::store::{Recorder, Store, StoreError};
+use crate::store::{Recorder, Store, StoreError, Usage};
 use lexsplat_proto::v1;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -120,7 +120,8 @@ impl RecordedMaps {
         })
     }
 
-    /// All that is wrong with recordings, in words: damage, and maps that could not be rebuilt.
+    /// All that is wrong with recordings, in words: damage, maps that could not be rebuilt, frames that cannot
+    /// be recorded, and little room.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let names = self.store.maps().unwrap_or_default();
         let damaged =
@@ -129,7 +130,15 @@ impl RecordedMaps {
             Place::NotRebuilt(reason) => Some(format!("{name}: not rebuilt: {reason}")),
             Place::Waiting | Place::Loading(_) => None,
         });
-        damaged.chain(missing).collect()
+        damaged.chain(missing).chain(self.store.warnings()).collect()
+    }
+
+    /// What recordings use of the disk, and what is free; `None` if nothing is recorded.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn usage(&self) -> Result<Option<Usage>, StoreError> {
+        self.store.usage()
     }
 
     /// Maps that are loaded or wait for it, with their progress.

@@ -3,14 +3,18 @@
 use super::*;
 use crate::check;
 use crate::pipeline::map::MapError;
-use crate::store::Store;
+use crate::store::{RecordingConfig, Store};
 use crate::test_support::{config, engine, frame, open_message};
 use lexsplat_proto::v1;
 use std::path::Path;
 use std::time::Duration;
 
 fn maps(folder: &Path) -> RecordedMaps {
-    RecordedMaps::new(engine(), Store::open(Some(folder)).unwrap())
+    RecordedMaps::new(
+        engine(),
+        Store::open(Some(folder), &RecordingConfig { low_bytes: 0, ..RecordingConfig::default() })
+            .unwrap(),
+    )
 }
 
 async fn record(maps: &RecordedMaps, open: &v1::OpenMap, frames: std::ops::Range<u64>) {

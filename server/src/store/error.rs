@@ -23,6 +23,16 @@ pub enum StoreError {
     /// An MCAP file cannot be written.
     #[error("cannot write to the recording {path}: {}", said(.reason))]
     Mcap { path: PathBuf, reason: Arc<mcap::McapError> },
+    /// A quota is used up.
+    #[error("{} ({key}): delete maps, or raise the limit", quota(*.used, *.most))]
+    Quota {
+        /// The setting.
+        key: &'static str,
+        /// Bytes.
+        used: u64,
+        /// Bytes.
+        most: u64,
+    },
     /// The recording's thread ended.
     #[error("the recording {path} was closed")]
     Closed { path: PathBuf },
@@ -37,6 +47,11 @@ fn said(error: &mcap::McapError) -> String {
     error.to_string()
 }
 
+fn quota(used: u64, most: u64) -> String {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    format!("{:.1} of {:.1} MiB are used", mib(used), mib(most))
+}
+
 impl StoreError {
     /// The reason alone, without a path of the server.
     pub(crate) fn reason(&self) -> String {
@@ -44,6 +59,7 @@ impl StoreError {
             Self::Io { reason, .. } => reason.to_string(),
             Self::Mcap { reason, .. } => said(reason),
             Self::InUse { .. } => "another server uses the data directory".into(),
+            Self::Quota { .. } => self.to_string(),
             Self::Closed { .. } => "the recording was closed".into(),
         }
     }

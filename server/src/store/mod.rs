@@ -17,6 +17,7 @@ mod examine;
 mod messages;
 mod reader;
 mod recording;
+mod room;
 mod writer;
 
 pub(crate) use backup::{Backup, BackupFault};
@@ -25,9 +26,12 @@ pub(crate) use error::StoreError;
 pub(crate) use examine::{MapReport, examine};
 pub(crate) use reader::{Damage, Entry};
 pub(crate) use recording::{Recorder, Records};
+pub use room::RecordingConfig;
+pub(crate) use room::Usage;
 
 use directory::Directory;
 use lexsplat_proto::v1;
+use room::Room;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -37,6 +41,8 @@ use std::sync::Arc;
 pub(crate) struct Store {
     /// `None`: nothing is recorded.
     directory: Option<Arc<Directory>>,
+    /// As for the directory.
+    room: Option<Arc<Room>>,
 }
 
 impl Store {
@@ -44,9 +50,26 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::InUse`] if another server uses it, [`StoreError::Io`].
-    pub(crate) fn open(directory: Option<&Path>) -> Result<Self, StoreError> {
-        let directory = directory.map(Directory::open).transpose()?;
-        Ok(Self { directory: directory.map(Arc::new) })
+    pub(crate) fn open(
+        directory: Option<&Path>,
+        limits: &RecordingConfig,
+    ) -> Result<Self, StoreError> {
+        let room = directory.map(|path| Arc::new(Room::new(path, limits.clone())));
+        let directory = directory.map(Directory::open).transpose()?.map(Arc::new);
+        Ok(Self { directory, room })
+    }
+
+    /// What the maps use of the disk, and what is free; `None` if nothing is recorded.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) fn usage(&self) -> Result<Option<Usage>, StoreError> {
+        self.room.as_ref().map(|room| room.usage()).transpose()
+    }
+
+    /// What is wrong with recording, or soon will be, in words.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        self.room.as_ref().map(|room| room.warnings()).unwrap_or_default()
     }
 
     /// A recorder for the map that `open` names; `None` if nothing is recorded.
@@ -56,9 +79,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::Io`].
     pub(crate) async fn record(&self, open: &v1::OpenMap) -> Result<Option<Recorder>, StoreError> {
-        let Some(directory) = &self.directory else { return Ok(None) };
+        let (Some(directory), Some(room)) = (&self.directory, self.room.clone()) else {
+            return Ok(None);
+        };
         let (folder, open) = (directory.map(&open.map), open.clone());
-        let made = tokio::task::spawn_blocking(move || Recorder::new(folder, open)).await;
+        let made = tokio::task::spawn_blocking(move || Recorder::new(folder, open, room)).await;
         made.expect("making a folder does not panic").map(Some)
     }
 
@@ -69,8 +94,13 @@ impl Store {
     pub(crate) async fn forget(&self, map: &str) -> Result<(), StoreError> {
         let Some(directory) = self.directory.clone() else { return Ok(()) };
         let map = map.to_owned();
-        let removed = tokio::task::spawn_blocking(move || directory.remove(&map)).await;
-        removed.expect("removing a folder does not panic")
+        let room = self.room.clone();
+        let removed = tokio::task::spawn_blocking(move || {
+            directory.remove(&map)?;
+            room.iter().for_each(|room| room.forget(&map));
+            Ok(())
+        });
+        removed.await.expect("removing a folder does not panic")
     }
 
     /// The names of all maps with a recording, sorted.
@@ -141,7 +171,8 @@ impl Store {
     /// # Errors
     /// [`BackupFault`].
     pub(crate) fn restore(&self, map: &str, tar: impl Read) -> Result<bool, BackupFault> {
-        let Some(directory) = &self.directory else { return Ok(false) };
+        let (Some(directory), Some(room)) = (&self.directory, &self.room) else { return Ok(false) };
+        room.admit(map)?;
         backup::unpack(&directory.unfinished(map), tar)?;
         directory.finish(map)?;
         Ok(true)

@@ -3,6 +3,7 @@
 use super::directory::sync_directory;
 use super::error::StoreError;
 use super::reader::{Entry, Reader};
+use super::room::Room;
 use super::writer::Writer;
 use lexsplat_proto::v1::{self, frame_message::Message};
 use std::path::{Path, PathBuf};
@@ -44,6 +45,7 @@ fn number(name: &str) -> Option<u32> {
 pub(crate) struct Recorder {
     folder: Arc<PathBuf>,
     open: Arc<v1::OpenMap>,
+    room: Arc<Room>,
     /// `None` before the first frame and after an error.
     writer: Arc<Mutex<Option<Writer>>>,
 }
@@ -53,12 +55,16 @@ impl Recorder {
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub(super) fn new(folder: PathBuf, open: v1::OpenMap) -> Result<Self, StoreError> {
+    pub(super) fn new(
+        folder: PathBuf,
+        open: v1::OpenMap,
+        room: Arc<Room>,
+    ) -> Result<Self, StoreError> {
         let made = std::fs::create_dir_all(&folder)
             .and_then(|()| folder.parent().map_or(Ok(()), sync_directory));
         made.map_err(|reason| StoreError::io("create", &folder, reason))?;
         let (folder, open) = (Arc::new(folder), Arc::new(open));
-        Ok(Self { folder, open, writer: Arc::default() })
+        Ok(Self { folder, open, room, writer: Arc::default() })
     }
 
     /// Appends a frame. It is on disk when this returns. After an error a new file is begun with the next
@@ -74,6 +80,13 @@ impl Recorder {
     }
 
     fn append_now(&self, frame: v1::Frame) -> Result<(), StoreError> {
+        let map = &self.open.map;
+        let appended = self.room.admit(map).and_then(|()| self.write(frame));
+        self.room.note(map, &appended);
+        appended
+    }
+
+    fn write(&self, frame: v1::Frame) -> Result<(), StoreError> {
         let mut writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner);
         let mut open = match writer.take() {
             Some(open) => open,

@@ -38,7 +38,7 @@ impl Data {
     }
 
     fn store(&self) -> Store {
-        Store::open(Some(self.0.path())).unwrap()
+        Store::open(Some(self.0.path()), &RecordingConfig::default()).unwrap()
     }
 
     fn file(&self, name: &str) -> PathBuf {
