@@ -72,7 +72,7 @@ struct NewToken {
     #[arg(long)]
     name: String,
     /// What they may do, separated by commas: read (list, ask, render, export, watch), write (create maps,
-    /// send frames), admin (delete maps)
+    /// send frames), admin (delete maps, back them up and restore them)
     #[arg(long, value_name = "SCOPES", value_delimiter = ',', required = true)]
     scope: Vec<Scope>,
     /// The maps that they may use: names with one * at most, separated by commas

@@ -4,6 +4,7 @@
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, frame_message::Message};
 use lexsplat_server::access::{Scope, issue};
+use lexsplat_server::config::Config;
 use lexsplat_tests::{Server, first_error, program, tiny_config};
 use reqwest::{Method, RequestBuilder, StatusCode, header};
 use serde_json::{Value, json};
@@ -32,6 +33,10 @@ fn token(file: &Path, name: &str, scopes: &[Scope], maps: &str) -> String {
 
 impl Asking {
     async fn start(public: &[&str]) -> Self {
+        Self::start_with(public, |_| {}).await
+    }
+
+    async fn start_with(public: &[&str], change: impl Fn(&mut Config)) -> Self {
         let folder = tempfile::tempdir().expect("a folder can be made");
         let file = folder.path().join("tokens");
         token(&file, "first", &Scope::ALL, "*");
@@ -39,6 +44,7 @@ impl Asking {
         config.access.tokens = Some(file.clone());
         let public = serde_json::from_value(json!(public)).expect("they are known");
         config.access.public = public;
+        change(&mut config);
         let server = Server::start(config).await;
         Self { server, http: reqwest::Client::new(), file, _folder: folder }
     }
@@ -83,7 +89,7 @@ fn body(path: &str) -> Value {
 }
 
 /// Each route, and the scope that it needs; `None`: everybody may.
-const ROUTES: [(&str, &str, Option<Scope>); 18] = [
+const ROUTES: [(&str, &str, Option<Scope>); 20] = [
     ("GET", "/", None),
     ("GET", "/dashboard/app.js", None),
     ("DELETE", "/v1/session", None),
@@ -101,6 +107,8 @@ const ROUTES: [(&str, &str, Option<Scope>); 18] = [
     ("POST", "/v1/maps/kitchen/render", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/export/splats.ply", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/events", Some(Scope::Read)),
+    ("GET", "/v1/maps/kitchen/backup", Some(Scope::Admin)),
+    ("PUT", "/v1/maps/kitchen/backup", Some(Scope::Admin)),
     ("DELETE", "/v1/maps/kitchen", Some(Scope::Admin)),
 ];
 
@@ -149,7 +157,9 @@ async fn every_route_asks_for_its_scope_and_map() {
         assert!(is_let_in && !status.is_server_error(), "{what} with {scope}: {status}");
     }
     for path in OPEN {
-        assert_eq!(asking.status("GET", path, None).await, StatusCode::OK, "{path}");
+        for anybody in [None, Some("lexsplat_0")] {
+            assert_eq!(asking.status("GET", path, anybody).await, StatusCode::OK, "{path}");
+        }
     }
     assert_eq!(asking.status("PUT", "/v1/maps", None).await, StatusCode::METHOD_NOT_ALLOWED);
     asking.server.stop().await;
@@ -448,5 +458,29 @@ async fn streams_and_events_end_when_their_token_is_withdrawn() {
     let rest = tokio::time::timeout(PATIENCE, events.text()).await.expect("the events end");
     assert!(rest.expect("they end well").starts_with("event: status"));
     drop(frames);
+    asking.server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn readiness_names_maps_to_those_only_who_may_use_all() {
+    let data = tempfile::tempdir().expect("a folder can be made");
+    let folder = data.path().join("secret-room.map");
+    std::fs::create_dir(&folder).expect("it can be made");
+    std::fs::write(folder.join("0.mcap.damaged-1"), "damaged").expect("it can be written");
+    let path = data.path().to_owned();
+    let asking =
+        Asking::start_with(&["readyz"], |config| config.server.data_dir = Some(path.clone())).await;
+    let some = token(&asking.file, "some", &Scope::ALL, "kitchen");
+    let all = token(&asking.file, "all", &[Scope::Read], "*");
+    asking.until(&all, StatusCode::OK).await;
+    for (caller, sees) in [(None, false), (Some(&some), false), (Some(&all), true)] {
+        let caller = caller.map(String::as_str);
+        let reply = asking.request("GET", "/readyz", caller).send().await.expect("an answer");
+        assert_eq!(reply.status(), StatusCode::OK);
+        let text = reply.text().await.expect("text");
+        assert_eq!(text.contains("secret-room"), sees, "{text}");
+        let ready: Value = serde_json::from_str(&text).expect("it is JSON");
+        assert_eq!(ready["warnings"].as_array().map(Vec::len), Some(1), "{text}");
+    }
     asking.server.stop().await;
 }

@@ -1,14 +1,14 @@
 //! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
 
+use super::connect::{base, client};
 use super::error::HttpError;
 use super::map_file::{MapFile, ReadOf};
-use crate::access::{Access, AccessError, Identity, innermost, is_refused};
+use crate::access::{Access, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
     Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Problem, Question,
     Segmentation, Status,
 };
-use reqwest::header::{HeaderMap, HeaderValue};
 use reqwest::{RequestBuilder, Response, Url, header};
 use serde::de::DeserializeOwned;
 use std::time::{Duration, Instant};
@@ -42,14 +42,7 @@ impl HttpClient {
     /// # Errors
     /// [`HttpError::Address`], [`HttpError::Access`].
     pub fn with_access(address: &str, access: &Access) -> Result<Self, HttpError> {
-        let wrong = || HttpError::Address { found: address.into() };
-        let url =
-            if address.contains("://") { address.into() } else { format!("http://{address}") };
-        let base = Url::parse(&url).map_err(|_| wrong())?;
-        if !["http", "https"].contains(&base.scheme()) || !base.has_host() {
-            return Err(wrong());
-        }
-        Ok(Self { base, client: client(access)?, wait_seconds: None })
+        Ok(Self { base: base(address)?, client: client(access)?, wait_seconds: None })
     }
 
     /// Questions, exports and trajectories wait in the server, at most so long, until the map has done its
@@ -362,34 +355,6 @@ fn detail(body: &[u8], status: &str) -> String {
     }
 }
 
-/// A client that sends the token with each request. It follows no redirection, so that the token goes
-/// nowhere else, and takes no proxy: the server is in the local network.
-fn client(access: &Access) -> Result<reqwest::Client, HttpError> {
-    let mut builder =
-        reqwest::Client::builder().no_proxy().redirect(reqwest::redirect::Policy::none());
-    if let Some(bearer) = access.bearer()? {
-        let mut value = HeaderValue::try_from(bearer).map_err(|_| AccessError::Token)?;
-        value.set_sensitive(true);
-        builder = builder.default_headers(HeaderMap::from_iter([(header::AUTHORIZATION, value)]));
-    }
-    let wrong = |error: reqwest::Error| AccessError::Certificates(innermost(&error).to_string());
-    if let Some(authorities) = &access.authorities {
-        builder = builder.tls_built_in_root_certs(false);
-        let certificates = reqwest::Certificate::from_pem_bundle(authorities).map_err(wrong)?;
-        if certificates.is_empty() {
-            return Err(AccessError::Certificates("there is no PEM certificate".into()).into());
-        }
-        for certificate in certificates {
-            builder = builder.add_root_certificate(certificate);
-        }
-    }
-    if let Some(Identity { certificate, key }) = &access.identity {
-        let both = [key.as_slice(), b"\n", certificate].concat();
-        builder = builder.identity(reqwest::Identity::from_pem(&both).map_err(wrong)?);
-    }
-    Ok(builder.build().map_err(wrong)?)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -415,17 +380,6 @@ mod tests {
         let body = br#"{"title":"Bad Request","status":400,"detail":"no map\n\"x\""}"#;
         assert_eq!(detail(body, "400"), "no map \"x\"");
         assert!(detail(b"<html>", "502").contains("502"));
-    }
-
-    #[test]
-    fn certificates_that_cannot_be_used_are_refused() {
-        for wrong in ["", "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n"] {
-            let access = Access { authorities: Some(wrong.into()), ..Access::default() };
-            let error = HttpClient::with_access("https://127.0.0.1:1", &access).unwrap_err();
-            assert!(matches!(error, HttpError::Access(AccessError::Certificates(_))), "{error}");
-        }
-        let error = HttpClient::with_access("127.0.0.1:1", &Access::with_token("a b"));
-        assert!(matches!(error, Err(HttpError::Access(AccessError::Token))));
     }
 
     #[tokio::test]

@@ -1,6 +1,7 @@
 //! The server's HTTP interface: [`HttpClient`] and the types of its questions and answers.
 
 mod client;
+mod connect;
 mod error;
 mod map_file;
 mod project;

@@ -59,8 +59,8 @@ impl Gate {
         watch.follow(reload, stopping).await;
     }
 
-    /// Lets a call in, or says why not. `map` is the map that its address names. `None`: the call
-    /// asks for nothing, and nobody looked who made it.
+    /// Lets a call in, or says why not. `map` is the map that its address names. `None`: everybody
+    /// may make the call, and whoever made it is not known.
     ///
     /// # Errors
     /// [`AccessError`].
@@ -87,7 +87,8 @@ impl Gate {
         match need {
             Need::Nothing => return Ok(None),
             Need::Known(public) | Need::AllMaps(_, public) if self.is_public(public) => {
-                return Ok(None);
+                // Who is known may see more than everybody.
+                return Ok(self.identify(credentials).ok());
             }
             _ => {}
         }
@@ -193,7 +194,10 @@ mod tests {
         assert!(matches!(error, AccessError::SomeMaps { .. }));
         assert!(closed.admit(metrics, None, with("owner")).is_ok());
         let open = gate(vec![Public::Metrics, Public::Healthz]);
-        assert!(open.admit(health, None, nobody).is_ok());
+        assert!(open.admit(health, None, nobody).unwrap().is_none());
+        let known = open.admit(health, None, with("reader")).unwrap().unwrap();
+        assert_eq!(known.name(), "reader");
+        assert!(open.admit(health, None, with("wrong")).unwrap().is_none());
         assert!(open.admit(metrics, None, nobody).is_ok());
         assert!(open.admit(Need::Nothing, None, with("wrong")).is_ok());
     }

@@ -1,9 +1,9 @@
 //! Who is calling, and what they may do.
 //!
-//! A caller is known by a bearer token. An entry of the tokens file names
-//! a caller, their scopes, the maps that they may use, and the hash of their token; the token itself
-//! is nowhere on the server. `Gate` holds the entries and follows the file. `rules` is the one
-//! table of what each HTTP route and gRPC call asks of its caller.
+//! A caller is known by a bearer token. An entry of the tokens file names a caller, their scopes, the
+//! maps that they may use, and the hash of their token; the token itself is nowhere on the server.
+//! `Gate` holds the entries and follows the file. `rules` is the one table of what each HTTP route
+//! and gRPC call asks of its caller.
 //!
 //! Without entries nobody is asked, and [`exposed`] refuses to listen where others can connect.
 

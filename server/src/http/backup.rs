@@ -74,15 +74,21 @@ pub(super) async fn put(
     let name = segments.get("name");
     let (parts, received) = mpsc::channel(BACKLOG);
     let mut stream = body.into_data_stream();
+    let limit = state.body_limit;
     let receiving = tokio::spawn(async move {
         let mut unwanted = 0;
-        while let Some(part) = stream.next().await {
-            let bytes = part.as_ref().map_or(0, Bytes::len);
-            if parts.send(part.map_err(std::io::Error::other)).await.is_err() {
+        loop {
+            let part = match tokio::time::timeout(limit, stream.next()).await {
+                Ok(Some(part)) => part.map_err(std::io::Error::other),
+                Ok(None) => return,
+                Err(_) => Err(std::io::Error::from(std::io::ErrorKind::TimedOut)),
+            };
+            let (bytes, is_broken) = (part.as_ref().map_or(0, Bytes::len), part.is_err());
+            if parts.send(part).await.is_err() {
                 unwanted += bytes;
-                if unwanted > DRAINED_BYTES {
-                    return;
-                }
+            }
+            if is_broken || unwanted > DRAINED_BYTES {
+                return;
             }
         }
     });

@@ -3,11 +3,12 @@
 use super::error::Problem;
 use super::state::State;
 use super::to_json;
+use crate::access::Caller;
 use crate::pipeline::map::MapStatus;
 use crate::telemetry;
-use axum::Json;
 use axum::http::header;
 use axum::response::IntoResponse;
+use axum::{Extension, Json};
 use lexsplat_proto::json::{self, Health};
 use std::fmt::Write as _;
 
@@ -29,7 +30,8 @@ pub(super) async fn healthz(state: State) -> Json<Health> {
 }
 
 /// Whether the server takes requests: until it stops. Warnings tell of damaged recordings, and maps
-/// that are still being loaded are listed.
+/// that are still being loaded are listed. Both name maps: who may not use all of them sees the
+/// number of warnings only.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
     responses(
@@ -37,13 +39,23 @@ pub(super) async fn healthz(state: State) -> Json<Health> {
         (status = 503, description = "the server is stopping", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
-pub(super) async fn readyz(state: State) -> Result<Json<Health>, Problem> {
+pub(super) async fn readyz(
+    state: State,
+    caller: Option<Extension<Caller>>,
+) -> Result<Json<Health>, Problem> {
     if state.stopping.is_cancelled() {
         return Err(Problem::unavailable("the server is stopping"));
     }
+    let warnings = state.maps.warnings();
+    if caller.is_none_or(|Extension(caller)| caller.may_use_all().is_err()) {
+        let count = warnings.len();
+        let hidden = (count > 0).then(|| format!("{count}: who may use all maps sees them"));
+        let warnings = hidden.into_iter().collect();
+        return Ok(Json(Health { warnings, ..health(&state, "ready") }));
+    }
     let loading = state.maps.loading().into_iter();
     Ok(Json(Health {
-        warnings: state.maps.warnings(),
+        warnings,
         loading: loading.map(|(map, progress)| to_json::map_loading(map, progress)).collect(),
         ..health(&state, "ready")
     }))
