@@ -1,6 +1,6 @@
 //! Where an alignment starts, and where it ended.
 
-use super::super::frame::PoseHint;
+use super::super::frame::{PoseHint, TrackedPose};
 use super::super::keyframes::Keyframe;
 use super::quality::AlignmentQuality;
 use nalgebra::{Isometry3, Matrix6};
@@ -68,6 +68,12 @@ impl PoseCandidate {
     pub fn beside(self, keyframe: &Keyframe) -> Self {
         let beside = (!keyframe.is_connected).then_some(keyframe.frame.sequence);
         Self { beside, ..self }
+    }
+
+    /// The pose of a tracked frame.
+    pub fn tracked(&self, is_estimated: bool, relocalised: bool) -> TrackedPose {
+        let Self { world_from_camera, covariance, exposure, beside, .. } = *self;
+        TrackedPose { world_from_camera, covariance, exposure, is_estimated, relocalised, beside }
     }
 
     /// A given pose: it is not in doubt.

@@ -120,8 +120,7 @@ impl Tracker {
             self.state = TrackingState::Lost;
             return self.lost(frame);
         };
-        let PoseCandidate { world_from_camera, exposure, jumped, quality, beside, covariance } =
-            candidate;
+        let PoseCandidate { world_from_camera, exposure, jumped, quality, .. } = candidate;
         if was_lost || jumped {
             self.motion.restart(world_from_camera, frame.timestamp_nanos);
         } else {
@@ -135,15 +134,7 @@ impl Tracker {
         }
         self.young.tracked(is_estimated, self.usable);
         let relocalised = (was_lost || jumped) && is_estimated;
-        let tracked = TrackedPose {
-            world_from_camera,
-            covariance,
-            exposure,
-            is_estimated,
-            relocalised,
-            beside,
-        };
-        Ok(Tracking::Found(Box::new(tracked)))
+        Ok(Tracking::Found(Box::new(candidate.tracked(is_estimated, relocalised))))
     }
 
     /// A frame is lost. If the map is young, it is kept, or the map begins anew.
