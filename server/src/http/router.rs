@@ -13,7 +13,7 @@ use crate::access::Gate;
 use crate::maps::RecordedMaps;
 use crate::web;
 use axum::Router;
-use axum::http::{HeaderName, HeaderValue, Method, header};
+use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
@@ -22,6 +22,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::classify::ServerErrorsFailureClass;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 use tower_http::trace::TraceLayer;
 
@@ -80,7 +81,7 @@ pub(crate) fn router(context: Context) -> Router {
         .layer(from_fn_with_state(gate, guard))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(from_fn_with_state(browsers, protect))
-        .layer(TraceLayer::new_for_http());
+        .layer(TraceLayer::new_for_http().on_failure(failed));
     match cors {
         Some(cors) => router.layer(cors),
         None => router,
@@ -89,6 +90,14 @@ pub(crate) fn router(context: Context) -> Router {
 
 async fn not_found(uri: axum::http::Uri) -> Problem {
     Problem::not_found(format!("no route {}: GET /openapi.json lists all routes", uri.path()))
+}
+
+/// Logs an answer with a status of 500 or above. 503 is none: the client is told to try again, and does.
+fn failed(class: ServerErrorsFailureClass, latency: Duration, _span: &tracing::Span) {
+    let unavailable = StatusCode::SERVICE_UNAVAILABLE;
+    if !matches!(class, ServerErrorsFailureClass::StatusCode(code) if code == unavailable) {
+        tracing::error!(%class, ?latency, "a response failed");
+    }
 }
 
 /// The answer to a request after its handler panicked. The panic's message is only in the server's log.
