@@ -80,6 +80,8 @@ pub struct ServerConfig {
     /// Time between two checkpoints of a map that changes, seconds; 0: only when the server stops. After a
     /// crash, the frames since the last one are mapped again.
     pub checkpoint_seconds: u64,
+    /// How long a request waits for a map that is being loaded, before it is told to come again, seconds.
+    pub loading_wait_seconds: u64,
     /// How long open calls may take to finish when the server stops, seconds.
     pub shutdown_seconds: u64,
     /// Certificates for both ports; absent: connections are not encrypted.
@@ -94,6 +96,7 @@ impl Default for ServerConfig {
             http: "127.0.0.1:8080".into(),
             data_dir: None,
             checkpoint_seconds: 60,
+            loading_wait_seconds: 5,
             shutdown_seconds: 30,
             tls: None,
         }

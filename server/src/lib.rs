@@ -113,7 +113,8 @@ pub async fn serve(
     let gate = gate(&config.access, &addresses, tls.is_some())?;
     net::raise_limit(config.connections.max);
     let store = Store::open(config.server.data_dir.as_deref(), &config.recording)?;
-    let maps = RecordedMaps::new(engine.clone(), store);
+    let patience = Duration::from_secs(config.server.loading_wait_seconds);
+    let maps = RecordedMaps::new(engine.clone(), store).waiting(patience);
     maps.find_recordings()?;
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();

@@ -24,6 +24,7 @@ fn config(data: &Path) -> Config {
     let mut config = tiny_config();
     config.mapper.clock = Clock::PerFrame;
     config.server.data_dir = Some(data.to_owned());
+    config.server.loading_wait_seconds = 0;
     config
 }
 

@@ -44,7 +44,7 @@ impl FromRequestParts<Arc<Shared>> for NamedMap {
 
     async fn from_request_parts(parts: &mut Parts, state: &Arc<Shared>) -> Result<Self, Problem> {
         let segments = Segments::from_request_parts(parts, state).await?;
-        Ok(Self(state.maps.get(segments.get("name"))?))
+        Ok(Self(state.maps.loaded(segments.get("name")).await?))
     }
 }
 

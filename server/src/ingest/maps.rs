@@ -82,7 +82,8 @@ pub(super) async fn export(
     client: &Client,
     request: v1::ExportRequest,
 ) -> Result<Response<ReceiverStream<Result<v1::Chunk, Status>>>, Status> {
-    let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
+    let map = context.maps.loaded(&request.map).await;
+    let map = map.map_err(|error| status::of_maps(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
     let text = (!request.text.is_empty()).then_some(&*request.text);
     let options = check::mesh_options(request.voxel_metres, text)

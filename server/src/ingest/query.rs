@@ -17,7 +17,8 @@ pub(super) async fn answer(
     request: v1::QueryRequest,
 ) -> Result<v1::QueryResponse, Status> {
     let started = Instant::now();
-    let map = context.maps.get(&request.map).map_err(|error| status::of_maps(&error, "map"))?;
+    let map = context.maps.loaded(&request.map).await;
+    let map = map.map_err(|error| status::of_maps(&error, "map"))?;
     let wait = check::wait(Some(&request.wait), request.min_sequence, request.wait_seconds);
     let wait = wait.map_err(|refusal| status::refused(&refusal))?;
     let question = Question::from_wire(request, &context.limits)

@@ -122,7 +122,8 @@ impl Mapping for MappingService {
     ) -> Result<Response<v1::MapStatus>, Status> {
         permit(&caller(&request)?, &request.get_ref().name, "name")?;
         let name = request.into_inner().name;
-        let map = self.0.maps.get(&name).map_err(|error| status::of_maps(&error, "name"))?;
+        let map = self.0.maps.loaded(&name).await;
+        let map = map.map_err(|error| status::of_maps(&error, "name"))?;
         Ok(Response::new(maps::wire_status(map.status())))
     }
 

@@ -10,6 +10,10 @@ use crate::store::{Recorder, Store, StoreError, Usage};
 use lexsplat_proto::v1;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Between two looks at a map that is being loaded.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// The maps of an engine and the store that records them. Cheap to clone.
 #[derive(Clone)]
@@ -19,6 +23,8 @@ pub(crate) struct RecordedMaps {
     places: Arc<Places>,
     /// The state of each map that its newest checkpoint has.
     saved: Arc<Mutex<BTreeMap<String, State>>>,
+    /// How long callers wait for a map that is being loaded.
+    patience: Duration,
 }
 
 /// Newest frame and revision of a map: it changes when the map does.
@@ -47,7 +53,13 @@ pub(crate) struct Recording {
 
 impl RecordedMaps {
     pub(crate) fn new(engine: Arc<Engine>, store: Store) -> Self {
-        Self { engine, store, places: Arc::default(), saved: Arc::default() }
+        let patience = Duration::ZERO;
+        Self { engine, store, places: Arc::default(), saved: Arc::default(), patience }
+    }
+
+    /// The same, where callers wait so long for a map that is being loaded.
+    pub(crate) fn waiting(self, patience: Duration) -> Self {
+        Self { patience, ..self }
     }
 
     pub(crate) fn engine(&self) -> &Arc<Engine> {
@@ -90,6 +102,27 @@ impl RecordedMaps {
     pub(crate) fn get(&self, name: &str) -> Result<Arc<Map>, MapsError> {
         self.places.expect_loaded(name)?;
         Ok(self.engine.map(name)?)
+    }
+
+    /// The map called `name`, once it is loaded. Waits for that, but not for long.
+    ///
+    /// # Errors
+    /// As [`Self::get`].
+    pub(crate) async fn loaded(&self, name: &str) -> Result<Arc<Map>, MapsError> {
+        self.expect_loaded(name).await?;
+        Ok(self.engine.map(name)?)
+    }
+
+    async fn expect_loaded(&self, name: &str) -> Result<(), MapsError> {
+        let began = Instant::now();
+        loop {
+            match self.places.expect_loaded(name) {
+                Err(MapsError::Loading { .. }) if began.elapsed() < self.patience => {
+                    tokio::time::sleep(LOOK_AGAIN).await;
+                }
+                loaded => return loaded,
+            }
+        }
     }
 
     fn saved(&self) -> MutexGuard<'_, BTreeMap<String, State>> {
@@ -218,7 +251,7 @@ impl RecordedMaps {
         open: &v1::OpenMap,
         opening: &Opening,
     ) -> Result<Recording, MapsError> {
-        self.places.expect_loaded(&open.map)?;
+        self.expect_loaded(&open.map).await?;
         let name = open.map.clone();
         let map = self.blocking(move |engine| engine.open(&name)).await?;
         let sender = map.claim(opening.intrinsics)?;

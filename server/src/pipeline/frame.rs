@@ -138,7 +138,8 @@ pub struct TrackedFrame {
     pub timestamp_nanos: u64,
     /// Pose of the camera.
     pub world_from_camera: Isometry3<f64>,
-    /// Covariance of the pose, as in [`TrackedPose`].
+    /// Covariance relative to the map around the camera, in the camera's coordinates; `None` if it was not
+    /// estimated.
     pub covariance: Option<Matrix6<f64>>,
     /// Exposure (a, b): the frame's color is exp(a) times the map's plus b.
     pub exposure: [f32; 2],
