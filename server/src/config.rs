@@ -15,7 +15,7 @@ use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
 use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
-use crate::pipeline::range::OutOfRange;
+use crate::pipeline::range::{OutOfRange, within};
 use crate::pipeline::tracker::TrackerConfig;
 use crate::store::RecordingConfig;
 use crate::telemetry::TelemetryConfig;
@@ -103,6 +103,19 @@ impl Default for ServerConfig {
     }
 }
 
+/// A day, seconds.
+const LONGEST_PAUSE: u64 = 24 * 3600;
+
+impl ServerConfig {
+    /// Checks the range of each number.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] names the first key that is out of range.
+    fn check(&self) -> Result<(), OutOfRange> {
+        within("server.checkpoint_seconds", self.checkpoint_seconds, 0..=LONGEST_PAUSE)
+    }
+}
+
 /// The GPU adapter, section `gpu`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -171,6 +184,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError::OutOfRange`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.server.check()?;
         self.connections.check()?;
         self.recording.check()?;
         self.ingest.check()?;
@@ -247,6 +261,7 @@ fn one_line(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::range::table::assert_checks;
 
     const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");
     const TINY_TOML: &str = include_str!("../../configs/tiny.toml");
@@ -270,6 +285,20 @@ mod tests {
             }
         }
         keys
+    }
+
+    #[test]
+    fn each_number_of_the_server_is_checked() {
+        assert_checks(
+            "server",
+            ServerConfig::check,
+            &[(
+                "server.checkpoint_seconds",
+                |c| c.checkpoint_seconds = 86_401,
+                |c| c.checkpoint_seconds = 0,
+            )],
+            &["server.shutdown_seconds"],
+        );
     }
 
     #[test]
