@@ -105,6 +105,8 @@ impl Default for ServerConfig {
 
 /// A day, seconds.
 const LONGEST_PAUSE: u64 = 24 * 3600;
+/// Ten minutes, seconds.
+const LONGEST_WAIT: u64 = 600;
 
 impl ServerConfig {
     /// Checks the range of each number.
@@ -112,7 +114,8 @@ impl ServerConfig {
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
     fn check(&self) -> Result<(), OutOfRange> {
-        within("server.checkpoint_seconds", self.checkpoint_seconds, 0..=LONGEST_PAUSE)
+        within("server.checkpoint_seconds", self.checkpoint_seconds, 0..=LONGEST_PAUSE)?;
+        within("server.loading_wait_seconds", self.loading_wait_seconds, 0..=LONGEST_WAIT)
     }
 }
 
@@ -292,11 +295,18 @@ mod tests {
         assert_checks(
             "server",
             ServerConfig::check,
-            &[(
-                "server.checkpoint_seconds",
-                |c| c.checkpoint_seconds = 86_401,
-                |c| c.checkpoint_seconds = 0,
-            )],
+            &[
+                (
+                    "server.checkpoint_seconds",
+                    |c| c.checkpoint_seconds = 86_401,
+                    |c| c.checkpoint_seconds = 0,
+                ),
+                (
+                    "server.loading_wait_seconds",
+                    |c| c.loading_wait_seconds = 601,
+                    |c| c.loading_wait_seconds = 0,
+                ),
+            ],
             &["server.shutdown_seconds"],
         );
     }
