@@ -50,8 +50,8 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-server --bench query
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
-soak: deps ## Long proofs: whole walks of the rooms in ../shared/data, simulated sensors (ten minutes)
-	cargo test --workspace --test service -- --ignored --nocapture
+soak: deps ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
+	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1
 
 fuzz: deps .deps/fuzz/bin/cargo-fuzz ## Run each fuzz target for FUZZ_SECONDS (60)
 	@cd gpu && for target in $$(ls fuzz/fuzz_targets | sed 's/\.rs$$//'); do \
