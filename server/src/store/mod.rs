@@ -12,6 +12,7 @@
 mod backup;
 mod checkpoints;
 mod directory;
+mod disk;
 mod error;
 mod examine;
 mod messages;
@@ -27,6 +28,7 @@ pub(crate) use reader::{Damage, Entry};
 pub(crate) use recording::{Recorder, Records};
 
 use directory::Directory;
+use disk::{Disk, RealDisk};
 use lexsplat_proto::v1;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -45,7 +47,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::InUse`] if another server uses it, [`StoreError::Io`].
     pub(crate) fn open(directory: Option<&Path>) -> Result<Self, StoreError> {
-        let directory = directory.map(Directory::open).transpose()?;
+        Self::on(Arc::new(RealDisk), directory)
+    }
+
+    fn on(disk: Arc<dyn Disk>, directory: Option<&Path>) -> Result<Self, StoreError> {
+        let directory = directory.map(|path| Directory::open(disk, path)).transpose()?;
         Ok(Self { directory: directory.map(Arc::new) })
     }
 
@@ -57,8 +63,9 @@ impl Store {
     /// [`StoreError::Io`].
     pub(crate) async fn record(&self, open: &v1::OpenMap) -> Result<Option<Recorder>, StoreError> {
         let Some(directory) = &self.directory else { return Ok(None) };
-        let (folder, open) = (directory.map(&open.map), open.clone());
-        let made = tokio::task::spawn_blocking(move || Recorder::new(folder, open)).await;
+        let (disk, folder) = (directory.disk().clone(), directory.map(&open.map));
+        let open = open.clone();
+        let made = tokio::task::spawn_blocking(move || Recorder::new(disk, folder, open)).await;
         made.expect("making a folder does not panic").map(Some)
     }
 
@@ -96,8 +103,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::Io`].
     pub(crate) fn records(&self, map: &str) -> Result<Records, StoreError> {
-        let folder = self.directory.as_ref().map(|directory| directory.map(map));
-        Records::open(folder.unwrap_or_default())
+        let Some(directory) = &self.directory else { return Ok(Records::none()) };
+        Records::open(directory.disk().clone(), directory.map(map))
     }
 
     /// Writes a checkpoint of a map and removes older ones. Returns its bytes; `None` if nothing is recorded.
@@ -110,7 +117,7 @@ impl Store {
         write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<Option<u64>, StoreError> {
         let Some(directory) = &self.directory else { return Ok(None) };
-        checkpoints::write(&directory.map(&label.map), label, write).map(Some)
+        checkpoints::write(&**directory.disk(), &directory.map(&label.map), label, write).map(Some)
     }
 
     /// The checkpoints of a map, newest first.
@@ -142,7 +149,7 @@ impl Store {
     /// [`BackupFault`].
     pub(crate) fn restore(&self, map: &str, tar: impl Read) -> Result<bool, BackupFault> {
         let Some(directory) = &self.directory else { return Ok(false) };
-        backup::unpack(&directory.unfinished(map), tar)?;
+        backup::unpack(&**directory.disk(), &directory.unfinished(map), tar)?;
         directory.finish(map)?;
         Ok(true)
     }
@@ -158,5 +165,11 @@ impl Store {
     }
 }
 
+#[cfg(test)]
+mod crash_tests;
+#[cfg(test)]
+mod faulty_disk;
+#[cfg(test)]
+mod mutation_tests;
 #[cfg(test)]
 mod tests;
