@@ -4,6 +4,7 @@
 DATASET ?= synthetic:7
 KEEP ?= 0
 FUZZ_SECONDS ?= 60
+MUTATIONS ?= 20000
 # Mesa's device selection layer looks for a display and complains where there is none.
 export NODEVICE_SELECT = 1
 
@@ -50,10 +51,12 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-server --bench query
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
-soak: deps ## Long proofs: whole walks of the rooms in ../shared/data, simulated sensors (ten minutes)
-	cargo test --workspace --test service -- --ignored --nocapture
+soak: deps ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
+	cargo test --workspace --lib -- --ignored --nocapture many_histories
+	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1
 
-fuzz: deps .deps/fuzz/bin/cargo-fuzz ## Run each fuzz target for FUZZ_SECONDS (60)
+fuzz: deps .deps/fuzz/bin/cargo-fuzz ## MUTATIONS (20000) of every input from outside; scenes for FUZZ_SECONDS (60)
+	MUTATIONS=$(MUTATIONS) cargo test --workspace --lib -- --nocapture damaged_
 	@cd gpu && for target in $$(ls fuzz/fuzz_targets | sed 's/\.rs$$//'); do \
 	  mkdir -p fuzz/corpus/$$target && \
 	  for i in $$(seq 100); do head -c $$((i * 25)) /dev/urandom > fuzz/corpus/$$target/random-$$i; done && \

@@ -5,6 +5,8 @@ use crate::pipeline::engine::Engine;
 use crate::pipeline::frame::Intrinsics;
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Vector3};
+use rand::Rng as _;
+use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -108,4 +110,36 @@ pub fn ray_cast_room(world_from_camera: &Isometry3<f64>) -> Vec<(Vector3<f64>, f
 /// A grey level of a surface with a warm tint, RGB.
 pub fn tinted(grey: f64) -> [u8; 3] {
     [1.0, 0.9, 0.7].map(|tint| (grey * tint).clamp(0.0, 255.0) as u8)
+}
+
+/// Damages a file or a message: flips bits, puts extreme numbers in, cuts, repeats or inserts bytes.
+pub fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
+    for _ in 0..random.random_range(1..5) {
+        let length = bytes.len();
+        let at = random.random_range(0..=length);
+        let some = random.random_range(0..=(length - at).min(64));
+        match random.random_range(0..6) {
+            0 if at < length => bytes[at] ^= 1 << random.random_range(0..8),
+            1 => {
+                let extremes = [0, 1, i64::MAX as u64, u64::MAX, u64::from(u32::MAX), 1 << 40];
+                let number = extremes[random.random_range(0..extremes.len())].to_le_bytes();
+                bytes[at..at + some.min(8)].copy_from_slice(&number[..some.min(8)]);
+            }
+            2 => bytes.truncate(at),
+            3 => drop(bytes.drain(at..at + some)),
+            4 => {
+                let repeated = bytes[at..at + some].to_vec();
+                bytes.splice(at..at, repeated);
+            }
+            _ => {
+                let noise: Vec<u8> = (0..some).map(|_| random.random()).collect();
+                bytes.splice(at..at, noise);
+            }
+        }
+    }
+}
+
+/// How many mutations a test tries: `MUTATIONS`, as `make fuzz` sets it, or so many.
+pub fn mutations(few: u64) -> u64 {
+    std::env::var("MUTATIONS").map_or(few, |many| many.parse().expect("a number"))
 }

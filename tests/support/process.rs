@@ -1,4 +1,4 @@
-//! The server as a process of its own, for what only a process has: memory.
+//! The server as a process of its own, for what only a process has: memory, and a sudden end.
 
 use crate::root;
 use serde_json::Value;
@@ -6,7 +6,7 @@ use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
-/// A running `lexsplat-server` on free ports; dropping it ends it.
+/// A running `lexsplat-server` on free ports; dropping it kills it (SIGKILL).
 pub struct ServerProcess {
     child: Child,
     /// Address of gRPC.

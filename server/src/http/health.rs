@@ -87,15 +87,21 @@ fn of_store(state: &State) -> String {
         ("lexsplat_recorded_bytes", "Bytes of all maps in the data directory", usage.total()),
         ("lexsplat_data_free_bytes", "Bytes that are free on its disk", usage.free),
     ];
-    let text = numbers.map(|(name, meaning, value)| {
-        format!("# HELP {name} {meaning}\n# TYPE {name} gauge\n{name} {value}\n")
-    });
+    let text = numbers.map(|(name, meaning, value)| gauge(name, meaning, value));
     text.concat()
 }
 
-/// The memory of the process; empty on systems without `/proc`.
+/// Memory and descriptors of the process; empty on systems without `/proc`.
 fn of_process() -> String {
-    memory(&std::fs::read_to_string("/proc/self/status").unwrap_or_default())
+    let descriptors = std::fs::read_dir("/proc/self/fd").map_or_else(
+        |_| String::new(),
+        |open| gauge("process_open_fds", "Open file descriptors", open.count() as u64),
+    );
+    memory(&std::fs::read_to_string("/proc/self/status").unwrap_or_default()) + &descriptors
+}
+
+fn gauge(name: &str, meaning: &str, value: u64) -> String {
+    format!("# HELP {name} {meaning}\n# TYPE {name} gauge\n{name} {value}\n")
 }
 
 fn memory(status: &str) -> String {
@@ -104,7 +110,7 @@ fn memory(status: &str) -> String {
     };
     let number = |(key, name, meaning): &(&str, &str, &str)| {
         let bytes = status.lines().find_map(|line| kibibytes(line, key))? << 10;
-        Some(format!("# HELP {name} {meaning}\n# TYPE {name} gauge\n{name} {bytes}\n"))
+        Some(gauge(name, meaning, bytes))
     };
     OF_PROCESS.iter().filter_map(number).collect()
 }
@@ -163,5 +169,20 @@ mod tests {
         assert!(text.contains("\nprocess_resident_memory_bytes 1048576\n"), "{text}");
         assert!(text.contains("\nprocess_peak_resident_memory_bytes 2097152\n"), "{text}");
         assert_eq!(memory("Name:\tserver\nVmRSS:\t many kB\n"), "");
+    }
+
+    #[test]
+    fn open_descriptors_are_counted() {
+        let count = || {
+            let text = of_process();
+            let line = text.lines().find_map(|line| line.strip_prefix("process_open_fds "));
+            line.unwrap().parse::<u64>().unwrap()
+        };
+        // Other tests open files meanwhile, but not this many.
+        let before = count();
+        let held: Vec<_> =
+            (0..200).map(|_| std::fs::File::open("/proc/self/status").unwrap()).collect();
+        assert!(count() > before + 100);
+        drop(held);
     }
 }

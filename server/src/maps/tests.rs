@@ -2,10 +2,13 @@
 
 use super::*;
 use crate::check;
+use crate::pipeline::checkpoint::Checkpoint;
 use crate::pipeline::map::MapError;
 use crate::store::{RecordingConfig, Store};
-use crate::test_support::{config, engine, frame, open_message};
+use crate::test_support::{config, engine, frame, mutate, mutations, open_message};
 use lexsplat_proto::v1;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -121,4 +124,26 @@ async fn damage_is_told_in_the_status() {
     assert!(status.recording_damage.is_some_and(|words| words.contains(".damaged-")));
     assert!(maps.warnings()[0].contains("damaged"), "{:?}", maps.warnings());
     maps.delete("maps-damaged").await.unwrap();
+}
+
+/// The state in a checkpoint, damaged at random and with a checksum that is right: it is read or refused, and
+/// nothing panics.
+#[tokio::test]
+async fn damaged_states_are_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    record(&maps, &open_message("maps-states"), 0..2).await;
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
+    let mut state = Vec::new();
+    maps.get("maps-states").unwrap().save().await.unwrap().write(&mut state).unwrap();
+    assert!(Checkpoint::read(&mut &state[..]).is_ok());
+    let mut random = ChaCha8Rng::seed_from_u64(22);
+    let mut refused = 0;
+    for _ in 0..mutations(300) {
+        let mut bytes = state.clone();
+        mutate(&mut random, &mut bytes);
+        refused += usize::from(Checkpoint::read(&mut &bytes[..]).is_err());
+    }
+    assert!(refused > 0);
+    maps.delete("maps-states").await.unwrap();
 }

@@ -4,7 +4,7 @@
 //! what the backup gets; a part of a frame at the end is left out by readers.
 
 use super::checkpoints::{self, CheckpointFault, CheckpointReader};
-use super::directory::sync_directory;
+use super::disk::{Disk, DiskFile};
 use super::error::StoreError;
 use super::examine::FileReport;
 use super::recording::{files, is_recording};
@@ -100,18 +100,18 @@ impl Read for Exactly {
 ///
 /// # Errors
 /// [`BackupFault`].
-pub(super) fn unpack(folder: &Path, tar: impl Read) -> Result<(), BackupFault> {
+pub(super) fn unpack(disk: &dyn Disk, folder: &Path, tar: impl Read) -> Result<(), BackupFault> {
     let io = |reason| StoreError::io("write", folder, reason);
-    std::fs::create_dir(folder).map_err(io)?;
-    let unpacked = unpack_files(folder, tar).and_then(|()| check(folder));
-    let synced = unpacked.and_then(|()| Ok(sync_directory(folder).map_err(io)?));
+    disk.create_folder(folder).map_err(io)?;
+    let unpacked = unpack_files(disk, folder, tar).and_then(|()| check(folder));
+    let synced = unpacked.and_then(|()| Ok(disk.sync_folder(folder).map_err(io)?));
     synced.inspect_err(|_| {
         // What is left is removed at the next start.
-        let _ = std::fs::remove_dir_all(folder);
+        let _ = disk.remove_folder(folder);
     })
 }
 
-fn unpack_files(folder: &Path, tar: impl Read) -> Result<(), BackupFault> {
+fn unpack_files(disk: &dyn Disk, folder: &Path, tar: impl Read) -> Result<(), BackupFault> {
     let unreadable = |error: std::io::Error| {
         BackupFault::Refused(format!("expected a tar of recordings and a checkpoint: {error}"))
     };
@@ -131,9 +131,9 @@ fn unpack_files(folder: &Path, tar: impl Read) -> Result<(), BackupFault> {
         };
         let path = folder.join(name);
         let io = |reason| StoreError::io("write", &path, reason);
-        let mut file = File::create_new(&path).map_err(io)?;
-        copy(&mut entry, &mut file, &path)?;
-        file.sync_all().map_err(io)?;
+        let mut file = disk.create(&path).map_err(io)?;
+        copy(&mut entry, &mut *file, &path)?;
+        file.sync().map_err(io)?;
     }
     if is_whole {
         return Ok(());
@@ -142,7 +142,7 @@ fn unpack_files(folder: &Path, tar: impl Read) -> Result<(), BackupFault> {
 }
 
 /// Copies to a file; tells an archive that breaks off from a disk that is full.
-fn copy(from: &mut impl Read, to: &mut File, path: &Path) -> Result<(), BackupFault> {
+fn copy(from: &mut impl Read, to: &mut dyn DiskFile, path: &Path) -> Result<(), BackupFault> {
     let mut block = vec![0; 1 << 18];
     loop {
         let broken = |error| BackupFault::Refused(format!("the backup breaks off: {error}"));

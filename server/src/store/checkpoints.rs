@@ -13,7 +13,7 @@
 //!
 //! A file appears under its name when it is on disk as a whole. Then older ones are removed.
 
-use super::directory::sync_directory;
+use super::disk::{Disk, DiskFile};
 use super::error::StoreError;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -95,38 +95,38 @@ fn numbered(folder: &Path, ending: &str) -> Result<Vec<(u64, PathBuf)>, StoreErr
 /// # Errors
 /// [`StoreError::Io`]; then the older checkpoints are as they were.
 pub(super) fn write(
+    disk: &dyn Disk,
     folder: &Path,
     label: &Label,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<u64, StoreError> {
     for (_, left) in numbered(folder, &format!("{ENDING}{UNFINISHED}"))? {
-        std::fs::remove_file(&left).map_err(|reason| StoreError::io("remove", &left, reason))?;
+        disk.remove(&left).map_err(|reason| StoreError::io("remove", &left, reason))?;
     }
     let older = list(folder)?;
     let newest = numbered(folder, ENDING)?.into_iter().map(|(number, _)| number).max();
     let name = format!("{PREFIX}{:04}{ENDING}", newest.unwrap_or(0) + 1);
     let (path, unfinished) = (folder.join(&name), folder.join(format!("{name}{UNFINISHED}")));
     let io = |reason| StoreError::io("write", &path, reason);
-    let written = write_file(&unfinished, label, write);
-    let renamed = written.and_then(|bytes| std::fs::rename(&unfinished, &path).map(|()| bytes));
+    let written = disk.create(&unfinished).and_then(|file| write_file(file, label, write));
+    let renamed = written.and_then(|bytes| disk.rename(&unfinished, &path).map(|()| bytes));
     let bytes = renamed.inspect_err(|_| {
         // The disk may be full: a part of a file would take the last room.
-        let _ = std::fs::remove_file(&unfinished);
+        let _ = disk.remove(&unfinished);
     });
     let bytes = bytes.map_err(io)?;
-    sync_directory(folder).map_err(io)?;
+    disk.sync_folder(folder).map_err(io)?;
     for old in older {
-        std::fs::remove_file(&old).map_err(|reason| StoreError::io("remove", &old, reason))?;
+        disk.remove(&old).map_err(|reason| StoreError::io("remove", &old, reason))?;
     }
     Ok(bytes)
 }
 
 fn write_file(
-    path: &Path,
+    file: Box<dyn DiskFile>,
     label: &Label,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> std::io::Result<u64> {
-    let file = File::create_new(path)?;
     let mut out = Hashing { inner: BufWriter::new(file), hash: Sha256::new(), bytes: 0 };
     let label = serde_json::to_vec(label)?;
     out.write_all(MAGIC)?;
@@ -139,7 +139,7 @@ fn write_file(
     let Hashing { inner: mut file, hash, bytes } = out;
     file.write_all(&hash.finalize())?;
     let file = file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
-    file.sync_all()?;
+    file.sync()?;
     Ok(bytes + CHECKSUM_BYTES)
 }
 
@@ -236,6 +236,7 @@ impl<T: Read> Read for Hashing<T> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::disk::RealDisk;
     use super::*;
 
     fn label(through: u64) -> Label {
@@ -243,7 +244,7 @@ mod tests {
     }
 
     fn save(folder: &Path, through: u64, state: &[u8]) -> Result<u64, StoreError> {
-        write(folder, &label(through), |out| out.write_all(state))
+        write(&RealDisk, folder, &label(through), |out| out.write_all(state))
     }
 
     fn load(path: &Path) -> Result<(Label, Vec<u8>), CheckpointFault> {
@@ -285,7 +286,7 @@ mod tests {
             out.write_all(&[1; 1000])?;
             Err(std::io::Error::from(std::io::ErrorKind::StorageFull))
         };
-        assert!(write(folder.path(), &label(4), full).is_err());
+        assert!(write(&RealDisk, folder.path(), &label(4), full).is_err());
         assert_eq!(names(folder.path()), ["checkpoint-0001.lexsplat"]);
         assert_eq!(load(&list(folder.path()).unwrap()[0]).unwrap().1, b"good");
         // What a crash left is removed by the next one.

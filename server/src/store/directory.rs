@@ -8,10 +8,12 @@
 //! Nothing else in the directory is read or changed. A map is deleted by renaming its folder, which happens
 //! as a whole or not at all; what is left of it is removed then, or at the next start.
 
+use super::disk::Disk;
 use super::error::StoreError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const LOCK: &str = "lexsplat.lock";
 /// Ending of a map's folder.
@@ -23,6 +25,7 @@ const UNFINISHED: &str = ".map.unfinished";
 
 /// A data directory that this server alone uses, until it is dropped or the process ends.
 pub(super) struct Directory {
+    disk: Arc<dyn Disk>,
     path: PathBuf,
     _lock: File,
 }
@@ -32,13 +35,13 @@ impl Directory {
     ///
     /// # Errors
     /// [`StoreError::InUse`] if another server has it, [`StoreError::Io`].
-    pub(super) fn open(path: &Path) -> Result<Self, StoreError> {
+    pub(super) fn open(disk: Arc<dyn Disk>, path: &Path) -> Result<Self, StoreError> {
         let io = |action| move |reason| StoreError::io(action, path, reason);
         std::fs::create_dir_all(path).map_err(io("create the data directory"))?;
         let lock = locked(path)?;
-        let directory = Self { path: path.to_owned(), _lock: lock };
+        let directory = Self { disk, path: path.to_owned(), _lock: lock };
         for (_, folder) in folders(path, DELETED)?.into_iter().chain(folders(path, UNFINISHED)?) {
-            std::fs::remove_dir_all(&folder).map_err(io("remove a deleted map from"))?;
+            directory.disk.remove_folder(&folder).map_err(io("remove a deleted map from"))?;
         }
         Ok(directory)
     }
@@ -49,6 +52,11 @@ impl Directory {
     /// [`StoreError::Io`].
     pub(super) fn maps(&self) -> Result<Vec<String>, StoreError> {
         Ok(maps_in(&self.path)?.into_iter().map(|(name, _)| name).collect())
+    }
+
+    /// What changes the directory.
+    pub(super) fn disk(&self) -> &Arc<dyn Disk> {
+        &self.disk
     }
 
     /// The folder of a map that is not complete yet.
@@ -64,10 +72,10 @@ impl Directory {
         let (unfinished, folder) = (self.unfinished(name), self.map(name));
         // Renaming onto a folder with files is an error.
         let renamed =
-            std::fs::rename(&unfinished, &folder).and_then(|()| sync_directory(&self.path));
+            self.disk.rename(&unfinished, &folder).and_then(|()| self.disk.sync_folder(&self.path));
         renamed.map_err(|reason| {
             // What is left is removed at the next start.
-            let _ = std::fs::remove_dir_all(&unfinished);
+            let _ = self.disk.remove_folder(&unfinished);
             StoreError::io("create", &folder, reason)
         })
     }
@@ -86,9 +94,11 @@ impl Directory {
         if !folder.exists() {
             return Ok(());
         }
-        let removed = std::fs::rename(&folder, &deleted)
-            .and_then(|()| sync_directory(&self.path))
-            .and_then(|()| std::fs::remove_dir_all(&deleted));
+        let removed = self
+            .disk
+            .rename(&folder, &deleted)
+            .and_then(|()| self.disk.sync_folder(&self.path))
+            .and_then(|()| self.disk.remove_folder(&deleted));
         removed.map_err(|reason| StoreError::io("remove", &folder, reason))
     }
 }
@@ -144,24 +154,24 @@ fn locked(directory: &Path) -> Result<File, StoreError> {
     Ok(file)
 }
 
-/// Syncs a directory: without it a new or renamed file may be lost in a crash.
-pub(super) fn sync_directory(path: &Path) -> std::io::Result<()> {
-    File::open(path)?.sync_all()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::disk::RealDisk;
     use super::*;
+
+    fn open(path: &Path) -> Result<Directory, StoreError> {
+        Directory::open(Arc::new(RealDisk), path)
+    }
 
     #[test]
     fn a_directory_has_one_owner() {
         let folder = tempfile::tempdir().unwrap();
-        let first = Directory::open(folder.path()).unwrap();
-        let second = Directory::open(folder.path()).map(|_| ()).unwrap_err().to_string();
+        let first = open(folder.path()).unwrap();
+        let second = open(folder.path()).map(|_| ()).unwrap_err().to_string();
         let owner = format!("process {}", std::process::id());
         assert!(second.contains(&owner) && second.contains("another server"), "{second}");
         drop(first);
-        assert!(Directory::open(folder.path()).is_ok(), "it is free again");
+        assert!(open(folder.path()).is_ok(), "it is free again");
     }
 
     #[test]
@@ -172,7 +182,7 @@ mod tests {
         std::fs::write(path("notes.map"), "a file, not a folder").unwrap();
         std::fs::create_dir(path("kitchen.map")).unwrap();
         std::fs::create_dir(path("photos")).unwrap();
-        let directory = Directory::open(folder.path()).unwrap();
+        let directory = open(folder.path()).unwrap();
         assert_eq!(directory.maps().unwrap(), ["kitchen"]);
         directory.remove("kitchen").unwrap();
         directory.remove("kitchen").unwrap();
@@ -185,7 +195,7 @@ mod tests {
     fn a_map_that_was_half_removed_is_gone() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("kitchen.map.deleted")).unwrap();
-        let directory = Directory::open(folder.path()).unwrap();
+        let directory = open(folder.path()).unwrap();
         assert!(directory.maps().unwrap().is_empty());
         assert!(!folder.path().join("kitchen.map.deleted").exists());
     }

@@ -12,6 +12,7 @@
 mod backup;
 mod checkpoints;
 mod directory;
+mod disk;
 mod error;
 mod examine;
 mod messages;
@@ -30,6 +31,7 @@ pub use room::RecordingConfig;
 pub(crate) use room::Usage;
 
 use directory::Directory;
+use disk::{Disk, RealDisk};
 use lexsplat_proto::v1;
 use room::Room;
 use std::io::{Read, Write};
@@ -54,9 +56,17 @@ impl Store {
         directory: Option<&Path>,
         limits: &RecordingConfig,
     ) -> Result<Self, StoreError> {
+        Self::on(Arc::new(RealDisk), directory, limits)
+    }
+
+    fn on(
+        disk: Arc<dyn Disk>,
+        directory: Option<&Path>,
+        limits: &RecordingConfig,
+    ) -> Result<Self, StoreError> {
         let room = directory.map(|path| Arc::new(Room::new(path, limits.clone())));
-        let directory = directory.map(Directory::open).transpose()?.map(Arc::new);
-        Ok(Self { directory, room })
+        let directory = directory.map(|path| Directory::open(disk, path)).transpose()?;
+        Ok(Self { directory: directory.map(Arc::new), room })
     }
 
     /// What the maps use of the disk, and what is free; `None` if nothing is recorded.
@@ -82,8 +92,10 @@ impl Store {
         let (Some(directory), Some(room)) = (&self.directory, self.room.clone()) else {
             return Ok(None);
         };
-        let (folder, open) = (directory.map(&open.map), open.clone());
-        let made = tokio::task::spawn_blocking(move || Recorder::new(folder, open, room)).await;
+        let (disk, folder) = (directory.disk().clone(), directory.map(&open.map));
+        let open = open.clone();
+        let made =
+            tokio::task::spawn_blocking(move || Recorder::new(disk, folder, open, room)).await;
         made.expect("making a folder does not panic").map(Some)
     }
 
@@ -126,8 +138,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::Io`].
     pub(crate) fn records(&self, map: &str) -> Result<Records, StoreError> {
-        let folder = self.directory.as_ref().map(|directory| directory.map(map));
-        Records::open(folder.unwrap_or_default())
+        let Some(directory) = &self.directory else { return Ok(Records::none()) };
+        Records::open(directory.disk().clone(), directory.map(map))
     }
 
     /// Writes a checkpoint of a map and removes older ones. Returns its bytes; `None` if nothing is recorded.
@@ -140,7 +152,7 @@ impl Store {
         write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<Option<u64>, StoreError> {
         let Some(directory) = &self.directory else { return Ok(None) };
-        checkpoints::write(&directory.map(&label.map), label, write).map(Some)
+        checkpoints::write(&**directory.disk(), &directory.map(&label.map), label, write).map(Some)
     }
 
     /// The checkpoints of a map, newest first.
@@ -173,7 +185,7 @@ impl Store {
     pub(crate) fn restore(&self, map: &str, tar: impl Read) -> Result<bool, BackupFault> {
         let (Some(directory), Some(room)) = (&self.directory, &self.room) else { return Ok(false) };
         room.admit(map)?;
-        backup::unpack(&directory.unfinished(map), tar)?;
+        backup::unpack(&**directory.disk(), &directory.unfinished(map), tar)?;
         directory.finish(map)?;
         Ok(true)
     }
@@ -189,5 +201,11 @@ impl Store {
     }
 }
 
+#[cfg(test)]
+mod crash_tests;
+#[cfg(test)]
+mod faulty_disk;
+#[cfg(test)]
+mod mutation_tests;
 #[cfg(test)]
 mod tests;

@@ -169,10 +169,15 @@ impl Reader {
         }
         let (code, length) = self.header(self.at)?;
         let end = (self.at + RECORD_HEADER).checked_add(length);
-        let Some(end) = end.filter(|end| *end <= self.bytes) else { return Ok(Found::Cut) };
+        let Some(end) = end.filter(|end| *end <= self.bytes) else {
+            return self.too_long(code, length);
+        };
         let found = match code {
             op::HEADER | op::CHUNK | op::MESSAGE_INDEX | op::DATA_END => {
                 let body = self.read(self.at + RECORD_HEADER, length as usize)?;
+                if code == op::CHUNK && is_unfinished_chunk(&body) {
+                    return Ok(Found::Cut);
+                }
                 contents(code, &body)
             }
             _ => None,
@@ -180,6 +185,17 @@ impl Reader {
         let Some(found) = found else { return Ok(Found::Damaged) };
         self.at = end;
         Ok(found)
+    }
+
+    /// Tells a chunk that a crash cut off from a whole one with a wrong length: the length is there twice.
+    fn too_long(&mut self, code: u8, length: u64) -> Result<Found, StoreError> {
+        let body = self.at + RECORD_HEADER;
+        if code != op::CHUNK || body + CHUNK_HEADER as u64 > self.bytes {
+            return Ok(Found::Cut);
+        }
+        let header = self.read(body, CHUNK_HEADER)?;
+        let is_cut = is_unfinished_chunk(&header) || is_plain_chunk(&header, length);
+        Ok(if is_cut { Found::Cut } else { Found::Damaged })
     }
 
     /// Operation code and length of the record at a place.
@@ -232,6 +248,11 @@ fn is_plain_chunk(header: &[u8], length: u64) -> bool {
     header[28..32] == [0; 4]
         && uncompressed == compressed
         && Some(length) == compressed.checked_add(CHUNK_HEADER as u64)
+}
+
+/// Whether a chunk is being written: its length is the last that is put into its header.
+fn is_unfinished_chunk(header: &[u8]) -> bool {
+    header.get(32..CHUNK_HEADER).is_some_and(|length| length == [u8::MAX; 8])
 }
 
 /// What a record contains; `None` if it is damaged.

@@ -1,6 +1,6 @@
 //! The recording of one map: the files of its folder, oldest first.
 
-use super::directory::sync_directory;
+use super::disk::{Disk, RealDisk};
 use super::error::StoreError;
 use super::reader::{Entry, Reader};
 use super::room::Room;
@@ -43,6 +43,7 @@ fn number(name: &str) -> Option<u32> {
 /// first frame. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Recorder {
+    disk: Arc<dyn Disk>,
     folder: Arc<PathBuf>,
     open: Arc<v1::OpenMap>,
     room: Arc<Room>,
@@ -56,15 +57,17 @@ impl Recorder {
     /// # Errors
     /// [`StoreError::Io`].
     pub(super) fn new(
+        disk: Arc<dyn Disk>,
         folder: PathBuf,
         open: v1::OpenMap,
         room: Arc<Room>,
     ) -> Result<Self, StoreError> {
-        let made = std::fs::create_dir_all(&folder)
-            .and_then(|()| folder.parent().map_or(Ok(()), sync_directory));
+        let made = disk
+            .create_folder(&folder)
+            .and_then(|()| folder.parent().map_or(Ok(()), |parent| disk.sync_folder(parent)));
         made.map_err(|reason| StoreError::io("create", &folder, reason))?;
         let (folder, open) = (Arc::new(folder), Arc::new(open));
-        Ok(Self { folder, open, room, writer: Arc::default() })
+        Ok(Self { disk, folder, open, room, writer: Arc::default() })
     }
 
     /// Appends a frame. It is on disk when this returns. After an error a new file is begun with the next
@@ -79,7 +82,11 @@ impl Recorder {
             .map_err(|_| StoreError::Closed { path: self.folder.to_path_buf() })?
     }
 
-    fn append_now(&self, frame: v1::Frame) -> Result<(), StoreError> {
+    /// The same on a thread that may wait for the disk.
+    ///
+    /// # Errors
+    /// [`StoreError`]; then the frame is not in the recording.
+    pub(super) fn append_now(&self, frame: v1::Frame) -> Result<(), StoreError> {
         let map = &self.open.map;
         let appended = self.room.admit(map).and_then(|()| self.write(frame));
         self.room.note(map, &appended);
@@ -102,31 +109,39 @@ impl Recorder {
         let used = names(&self.folder, |name| name.contains(MCAP))?;
         let newest = used.iter().filter_map(|name| number(name)).max().unwrap_or(0);
         let path = self.folder.join(format!("{:04}{MCAP}", newest.saturating_add(1)));
-        let writer = Writer::create(&path, &self.open).inspect_err(|_| {
+        let writer = Writer::create(&self.disk, &path, &self.open).inspect_err(|_| {
             // On a full disk nothing is in it.
-            let _ = std::fs::remove_file(&path);
+            let _ = self.disk.remove(&path);
         })?;
-        sync_directory(&self.folder)
+        self.disk
+            .sync_folder(&self.folder)
             .map_err(|reason| StoreError::io("write to", &self.folder, reason))?;
         Ok(writer)
     }
 
     /// Finishes the file. Does nothing if there is none.
     pub(crate) async fn finish(&self) {
-        let writer = self.writer.clone();
-        let finished = tokio::task::spawn_blocking(move || {
-            let writer = writer.lock().unwrap_or_else(PoisonError::into_inner).take();
-            writer.map_or(Ok(()), Writer::finish)
-        });
+        let this = self.clone();
+        let finished = tokio::task::spawn_blocking(move || this.finish_now());
         if let Ok(Err(error)) = finished.await {
             // All frames are in the file. It is finished at the next start.
             tracing::warn!(%error, "a recording has no index yet");
         }
     }
+
+    /// The same on a thread that may wait for the disk.
+    ///
+    /// # Errors
+    /// [`StoreError`]; all frames are in the file, which has no index yet.
+    pub(super) fn finish_now(&self) -> Result<(), StoreError> {
+        let writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner).take();
+        writer.map_or(Ok(()), Writer::finish)
+    }
 }
 
 /// Reads a recording from its beginning.
 pub(crate) struct Records {
+    disk: Arc<dyn Disk>,
     folder: PathBuf,
     /// Files that were not begun, newest first.
     waiting: Vec<String>,
@@ -140,10 +155,16 @@ impl Records {
     ///
     /// # Errors
     /// [`StoreError::Io`].
-    pub(super) fn open(folder: PathBuf) -> Result<Self, StoreError> {
+    pub(super) fn open(disk: Arc<dyn Disk>, folder: PathBuf) -> Result<Self, StoreError> {
         let mut waiting = names(&folder, is_recording)?;
         waiting.reverse();
-        Ok(Self { folder, waiting, current: None, is_damaged: false })
+        Ok(Self { disk, folder, waiting, current: None, is_damaged: false })
+    }
+
+    /// A recording without frames.
+    pub(super) fn none() -> Self {
+        let (folder, waiting) = (PathBuf::new(), Vec::new());
+        Self { disk: Arc::new(RealDisk), folder, waiting, current: None, is_damaged: false }
     }
 
     /// Frames in the recording, counted by the chunks of its files without reading them: damage is not seen.
@@ -173,7 +194,7 @@ impl Records {
                 return Ok(Some(entry));
             }
             if (self.is_damaged || !reader.is_finished())
-                && let Err(error) = repair(&self.folder, name, self.is_damaged)
+                && let Err(error) = repair(&self.disk, &self.folder, name, self.is_damaged)
             {
                 // What was read is used. It is tried again at the next start.
                 tracing::warn!(%error, "a recording could not be repaired");
@@ -185,37 +206,42 @@ impl Records {
 
 /// Writes a file anew from what can be read of it. A damaged one is set aside; one that only was not finished
 /// is replaced.
-fn repair(folder: &Path, name: &str, is_damaged: bool) -> Result<(), StoreError> {
+fn repair(
+    disk: &Arc<dyn Disk>,
+    folder: &Path,
+    name: &str,
+    is_damaged: bool,
+) -> Result<(), StoreError> {
     let path = folder.join(name);
     let stem = name.trim_end_matches(MCAP);
     let repaired = folder.join(format!("{stem}{REPAIRED}"));
     let io = |action, path| move |reason| StoreError::io(action, path, reason);
     if repaired.exists() {
-        std::fs::remove_file(&repaired).map_err(io("remove", &repaired))?;
+        disk.remove(&repaired).map_err(io("remove", &repaired))?;
     }
-    let has_frames = copy(&path, &repaired).inspect_err(|_| {
+    let has_frames = copy(disk, &path, &repaired).inspect_err(|_| {
         // The disk may be full: a part of a copy would take the last room.
-        let _ = std::fs::remove_file(&repaired);
+        let _ = disk.remove(&repaired);
     })?;
     if is_damaged {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
         let aside = folder.join(format!("{stem}{DAMAGED}{since}"));
         // A second name, so that the recording has a file at every moment.
-        std::fs::hard_link(&path, &aside).map_err(io("set aside", &path))?;
+        disk.link(&path, &aside).map_err(io("set aside", &path))?;
         tracing::error!(file = %aside.display(), "a recording is damaged: what is whole is used, the file was set aside");
     } else {
         tracing::info!(file = %path.display(), "finished a recording that was not closed");
     }
     if has_frames {
-        std::fs::rename(&repaired, &path).map_err(io("replace", &path))?;
+        disk.rename(&repaired, &path).map_err(io("replace", &path))?;
     } else {
-        std::fs::remove_file(&path).map_err(io("remove", &path))?;
+        disk.remove(&path).map_err(io("remove", &path))?;
     }
-    sync_directory(folder).map_err(io("write to", folder))
+    disk.sync_folder(folder).map_err(io("write to", folder))
 }
 
 /// Copies what can be read; returns whether there were frames. Without one nothing is written.
-fn copy(from: &Path, to: &Path) -> Result<bool, StoreError> {
+fn copy(disk: &Arc<dyn Disk>, from: &Path, to: &Path) -> Result<bool, StoreError> {
     let mut reader = Reader::open(from)?;
     let mut writer: Option<Writer> = None;
     let mut opened = None;
@@ -226,7 +252,7 @@ fn copy(from: &Path, to: &Path) -> Result<bool, StoreError> {
                 let Some(open) = &opened else { continue };
                 let mut writing = match writer.take() {
                     Some(writer) => writer,
-                    None => Writer::create(to, open)?,
+                    None => Writer::create(disk, to, open)?,
                 };
                 writing.append(frame)?;
                 writer = Some(writing);

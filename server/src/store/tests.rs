@@ -189,6 +189,23 @@ async fn a_flipped_bit_costs_one_frame_and_is_told() {
     }
 }
 
+/// The length of the last frame's chunk is wrong, and nothing follows: that is no frame that a crash cut off.
+#[tokio::test]
+async fn a_wrong_length_at_the_end_is_damage() {
+    let data = Data::new();
+    data.record(0..2, false).await;
+    let before = std::fs::metadata(data.file("0001.mcap")).unwrap().len() as usize;
+    std::fs::remove_file(data.file("0001.mcap")).unwrap();
+    data.record(0..3, false).await;
+    let mut bytes = std::fs::read(data.file("0001.mcap")).unwrap();
+    assert_eq!(bytes[before], mcap::records::op::CHUNK);
+    // The third byte of the length that follows: 64 KiB more.
+    bytes[before + 3] ^= 1;
+    std::fs::write(data.file("0001.mcap"), bytes).unwrap();
+    assert_eq!(data.read(), (all(0..2), 1));
+    assert_eq!(data.store().damaged("kitchen").unwrap().len(), 1);
+}
+
 #[tokio::test]
 async fn recording_goes_on_after_an_error_in_a_new_file() {
     let data = Data::new();
@@ -214,8 +231,9 @@ fn a_full_disk_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("0001.mcap");
     std::os::unix::fs::symlink("/dev/full", &path).unwrap();
+    let real: Arc<dyn Disk> = Arc::new(RealDisk);
     // A file is only ever created, never opened.
-    assert!(writer::Writer::create(&path, &opening()).is_err());
+    assert!(writer::Writer::create(&real, &path, &opening()).is_err());
 }
 
 #[tokio::test]

@@ -1,12 +1,12 @@
 //! Writing one file of a recording.
 
+use super::disk::{Disk, DiskFile};
 use super::error::StoreError;
 use super::messages::{self, Channel, Recorded};
 use lexsplat_proto::v1;
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,9 +20,10 @@ const REPEATED_OPENING_BYTES: usize = 16 << 10;
 
 /// A file that is being written. Each frame is a chunk of its own with a checksum.
 pub(super) struct Writer {
+    disk: Arc<dyn Disk>,
     path: PathBuf,
     mcap: mcap::Writer<Target>,
-    file: File,
+    file: Box<dyn DiskFile>,
     camera: v1::Intrinsics,
     opening: Vec<Recorded>,
     /// Channels that the file describes already.
@@ -41,16 +42,20 @@ impl Writer {
     ///
     /// # Errors
     /// [`StoreError::Io`], [`StoreError::Mcap`].
-    pub(super) fn create(path: &Path, open: &v1::OpenMap) -> Result<Self, StoreError> {
-        let created = OpenOptions::new().read(true).write(true).create_new(true).open(path);
-        let file = created.map_err(|reason| StoreError::io("create", path, reason))?;
-        let same = file.try_clone().map_err(|reason| StoreError::io("open", path, reason))?;
+    pub(super) fn create(
+        disk: &Arc<dyn Disk>,
+        path: &Path,
+        open: &v1::OpenMap,
+    ) -> Result<Self, StoreError> {
+        let file = disk.create(path).map_err(|reason| StoreError::io("create", path, reason))?;
+        let same = file.another().map_err(|reason| StoreError::io("open", path, reason))?;
         let is_closed = Arc::new(AtomicBool::new(false));
         let options = WriteOptions::new().compression(None).chunk_size(None).library(LIBRARY);
         let mcap = options
             .create(Target { file: same, is_closed: is_closed.clone() })
             .map_err(|reason| StoreError::mcap(path, reason))?;
         Ok(Self {
+            disk: disk.clone(),
             path: path.to_owned(),
             mcap,
             file,
@@ -73,7 +78,7 @@ impl Writer {
             self.is_closed.store(true, Ordering::Relaxed);
             // Best effort: a part of a frame at the end is left out by readers, too.
             let _ = match self.durable_bytes {
-                0 => std::fs::remove_file(&self.path),
+                0 => self.disk.remove(&self.path),
                 bytes => self.file.set_len(bytes),
             };
         }
@@ -103,7 +108,7 @@ impl Writer {
             .try_for_each(|message| self.put(message, sequence, log_time));
         self.opening = opening;
         written.and_then(|()| self.mcap.flush()).map_err(|reason| self.failed(reason))?;
-        self.file.sync_data().map_err(|reason| StoreError::io("write to", &self.path, reason))?;
+        self.file.sync().map_err(|reason| StoreError::io("write to", &self.path, reason))?;
         let end = self.file.stream_position();
         self.durable_bytes =
             end.map_err(|reason| StoreError::io("write to", &self.path, reason))?;
@@ -129,7 +134,7 @@ impl Writer {
     /// [`StoreError::Io`], [`StoreError::Mcap`].
     pub(super) fn finish(mut self) -> Result<(), StoreError> {
         self.mcap.finish().map_err(|reason| StoreError::mcap(&self.path, reason))?;
-        self.file.sync_all().map_err(|reason| StoreError::io("write to", &self.path, reason))
+        self.file.sync().map_err(|reason| StoreError::io("write to", &self.path, reason))
     }
 
     fn failed(&self, reason: mcap::McapError) -> StoreError {
@@ -139,7 +144,7 @@ impl Writer {
 
 /// The file as `mcap` sees it.
 struct Target {
-    file: File,
+    file: Box<dyn DiskFile>,
     is_closed: Arc<AtomicBool>,
 }
 

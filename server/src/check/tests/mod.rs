@@ -1,6 +1,7 @@
 //! Every check of frames and opening messages: each test changes one field of a frame that passes.
 
 mod labels;
+mod mutations;
 
 use super::*;
 use crate::pipeline::frame::Frame;

@@ -1,5 +1,7 @@
 //! Each layout on a tiny folder, and each with a broken twin.
 
+mod mutations;
+
 use crate::dataset::{
     ColorFormat, Dataset, DatasetError, Depth, FrameRange, Intrinsics, Replica, RgbdFrame,
     SevenScenes, Tum,
