@@ -33,8 +33,12 @@ async fn backup(server: &Server, map: &str) -> Vec<u8> {
 }
 
 async fn restore(server: &Server, map: &str, backup: Vec<u8>) -> (u16, Value) {
-    let put =
-        reqwest::Client::new().put(server.url(&format!("/v1/maps/{map}/backup"))).body(backup);
+    restore_as(server, map, backup, "application/x-tar").await
+}
+
+async fn restore_as(server: &Server, map: &str, backup: Vec<u8>, kind: &str) -> (u16, Value) {
+    let put = reqwest::Client::new().put(server.url(&format!("/v1/maps/{map}/backup")));
+    let put = put.header("content-type", kind).body(backup);
     let reply = put.send().await.expect("it answers");
     (reply.status().as_u16(), reply.json().await.unwrap_or_default())
 }
@@ -118,6 +122,8 @@ async fn what_is_no_whole_backup_is_refused_and_leaves_nothing() {
         assert_eq!(left, 2, "{what}: the lock and the room");
     }
     assert_eq!(restore(&server, "a%2Fb", taken.clone()).await.0, 400, "the name");
+    let as_form = restore_as(&server, "copy", taken.clone(), "text/plain").await;
+    assert_eq!(as_form.0, 415, "pages of other origins can send this unasked");
     assert_eq!(restore(&server, "copy", taken).await.0, 201, "and the whole one is taken");
     server.stop().await;
     let none = Server::start(tiny_config()).await;

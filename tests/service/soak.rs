@@ -57,6 +57,8 @@ fn start(data: &Path) -> ServerProcess {
     ServerProcess::start(&[
         ("LEXSPLAT__SERVER__DATA_DIR", data.to_str().expect("a plain path")),
         ("LEXSPLAT__SERVER__CHECKPOINT_SECONDS", "15"),
+        // As in deploy/: else glibc keeps what it freed, in an arena for each of many threads.
+        ("MALLOC_ARENA_MAX", "2"),
     ])
 }
 

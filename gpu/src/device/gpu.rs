@@ -171,6 +171,15 @@ impl Gpu {
         polled.map(|_| ()).map_err(|error| GpuError::DeviceLost(error.to_string()))
     }
 
+    /// Frees the memory of objects that were dropped. A buffer with a write that was never submitted stays until
+    /// the next submission, which this makes. Waits for it.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn reclaim(&self) -> Result<(), GpuError> {
+        self.wait_for(self.inner.queue.submit([]))
+    }
+
     /// Waits until the device has done one submission.
     pub(crate) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
         let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };

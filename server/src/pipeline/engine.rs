@@ -197,6 +197,9 @@ impl Engine {
             self.locked().remove(name).ok_or_else(|| MapError::NotFound { name: name.into() })?;
         running.map.fail("it was deleted".into());
         stop(running).await;
+        let gpu = self.gpu.clone();
+        // A device that is lost has told the other maps.
+        let _ = tokio::task::spawn_blocking(move || gpu.reclaim()).await;
         Ok(())
     }
 
