@@ -70,7 +70,6 @@ pub(super) async fn put(
     headers: HeaderMap,
     body: Body,
 ) -> Result<impl IntoResponse, Problem> {
-    expect_type(&headers, TAR)?;
     let name = segments.get("name");
     let (parts, received) = mpsc::channel(BACKLOG);
     let mut stream = body.into_data_stream();
@@ -92,9 +91,14 @@ pub(super) async fn put(
             }
         }
     });
-    let restored =
-        maps::restore(&state.maps, name, Received { parts: received, left: Bytes::new() });
-    let restored = restored.await;
+    let received = Received { parts: received, left: Bytes::new() };
+    let restored = match expect_type(&headers, TAR) {
+        Ok(()) => maps::restore(&state.maps, name, received).await.map_err(Problem::from),
+        Err(problem) => {
+            drop(received);
+            Err(problem)
+        }
+    };
     if restored.is_err() {
         // A client that is still sending would not see the answer.
         let _ = tokio::time::timeout(DRAINED_WITHIN, receiving).await;
