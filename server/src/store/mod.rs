@@ -166,6 +166,8 @@ impl Store {
 }
 
 #[cfg(test)]
+mod crash_model;
+#[cfg(test)]
 mod crash_tests;
 #[cfg(test)]
 mod faulty_disk;
