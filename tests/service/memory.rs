@@ -1,4 +1,4 @@
-//! What keyframes are said to take is what the process takes.
+//! What keyframes are said to take is what the process takes, and what a deleted map took is free.
 
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, frame_message::Message};
@@ -112,4 +112,26 @@ async fn memory_grows_by_what_keyframes_report() {
     // Negative controls: a count without the device's images, or of half of all, is found out.
     assert!(!agrees(process, reported - MEASURED * TARGET_BYTES), "the device's images count");
     assert!(!agrees(process, reported / 2), "half of the truth");
+}
+
+/// Maps without frames, one after the other. Before, each left 40 MB.
+#[tokio::test(flavor = "multi_thread")]
+async fn deleted_maps_leave_nothing() {
+    const MOST_LEFT_BYTES: u64 = 20 << 20;
+    let server = ServerProcess::start(&[("MALLOC_ARENA_MAX", "2")]);
+    let http = reqwest::Client::new();
+    let maps = format!("http://{}/v1/maps", server.http);
+    let cycles = async |count: u64| {
+        for _ in 0..count {
+            let made = http.post(&maps).json(&serde_json::json!({"name": "short"})).send().await;
+            assert_eq!(made.expect("it answers").status(), 201);
+            let deleted = http.delete(format!("{maps}/short")).send().await;
+            assert_eq!(deleted.expect("it answers").status(), 204);
+        }
+        server.resident_bytes()
+    };
+    let before = cycles(3).await;
+    let left = cycles(4).await.saturating_sub(before);
+    println!("a deleted map leaves {:.2} MB", left as f64 / 4e6);
+    assert!(left < 4 * MOST_LEFT_BYTES, "{left} bytes");
 }

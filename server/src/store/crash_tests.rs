@@ -2,9 +2,10 @@
 //! crash, perhaps a flipped bit, and the store is opened again by its own reader. What was acknowledged is there,
 //! bit for bit; what was not is there as a whole or not at all; damage is told.
 
+use super::crash_model::{Fault, Lies};
 use super::directory::Directory;
 use super::disk::Disk;
-use super::faulty_disk::{Fault, FaultyDisk, Lies};
+use super::faulty_disk::FaultyDisk;
 use super::recording::damaged;
 use super::*;
 use lexsplat_proto::v1::frame_message::Message;

@@ -202,6 +202,8 @@ impl Store {
 }
 
 #[cfg(test)]
+mod crash_model;
+#[cfg(test)]
 mod crash_tests;
 #[cfg(test)]
 mod faulty_disk;
