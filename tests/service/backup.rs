@@ -114,6 +114,8 @@ async fn what_is_no_whole_backup_is_refused_and_leaves_nothing() {
         ("no tar", vec![7; 4000]),
         ("a path that leads outside", std::mem::take(&mut foreign)),
         ("another file", tar_of("notes.txt", b"hello")),
+        ("a number without a next one", tar_of("4294967295.mcap", b"x")),
+        ("a name that is longer than a header", tar_of(&"long/".repeat(60), b"x")),
     ] {
         let (status, problem) = restore(&server, "copy", archive).await;
         assert_eq!(status, 400, "{what}: {problem}");

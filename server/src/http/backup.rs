@@ -114,6 +114,7 @@ impl From<BackupError> for Problem {
             BackupError::NotRecorded | BackupError::Empty { .. } => {
                 Self::new(StatusCode::CONFLICT, error.to_string())
             }
+            BackupError::Busy => Self::unavailable(error.to_string()),
             BackupError::Refused { .. } => Self::bad_request(error.to_string()),
         }
     }

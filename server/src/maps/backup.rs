@@ -17,6 +17,10 @@ pub(crate) enum BackupError {
     NotRecorded,
     #[error("map {name:?} has no recorded frame")]
     Empty { name: String },
+    #[error(
+        "as many backups as the server takes at a time are being put in place already: try again later"
+    )]
+    Busy,
     /// The message names the file in the archive.
     #[error("{reason}")]
     Refused { reason: String },
@@ -58,6 +62,7 @@ pub(crate) async fn restore(
     tar: impl Read + Send + 'static,
 ) -> Result<(), BackupError> {
     check_name(name).map_err(MapsError::from)?;
+    let Ok(place) = maps.restores().try_acquire_owned() else { return Err(BackupError::Busy) };
     let reserved = maps.reserve(name)?;
     let (store, map) = (maps.store().clone(), name.to_owned());
     // To the end even if the caller is gone, so that the name is free or has a map.
@@ -66,6 +71,7 @@ pub(crate) async fn restore(
         if matches!(restored, Ok(true)) {
             reserved.fill();
         }
+        drop(place);
         restored
     });
     match restored.await.map_err(|_| MapsError::Panicked)? {

@@ -19,8 +19,8 @@ pub(super) struct Load {
     total: AtomicU64,
     /// Ends the loading.
     pub cancelled: CancellationToken,
-    /// Held while the map is being loaded.
-    pub gate: tokio::sync::Mutex<()>,
+    /// Held while the map is being loaded or restored.
+    pub gate: Arc<tokio::sync::Mutex<()>>,
 }
 
 impl Load {
@@ -79,6 +79,8 @@ pub(super) struct Reserved {
     places: Arc<Places>,
     name: String,
     load: Arc<Load>,
+    /// A deletion waits for it.
+    _gate: tokio::sync::OwnedMutexGuard<()>,
 }
 
 impl Reserved {
@@ -141,7 +143,8 @@ impl Places {
         }
         let load = Arc::new(Load::default());
         inner.places.insert(name.to_owned(), Place::Loading(load.clone()));
-        Ok(Reserved { places: self.clone(), name: name.to_owned(), load })
+        let gate = load.gate.clone().try_lock_owned().expect("nobody else knows it");
+        Ok(Reserved { places: self.clone(), name: name.to_owned(), load, _gate: gate })
     }
 
     /// Resolves when there may be a map to load.

@@ -11,7 +11,10 @@ use lexsplat_proto::v1;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::sync::Semaphore;
 
+/// Restores at a time: each has a thread that waits for the caller.
+const RESTORES: usize = 2;
 /// Between two looks at a map that is being loaded.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
@@ -25,6 +28,8 @@ pub(crate) struct RecordedMaps {
     saved: Arc<Mutex<BTreeMap<String, State>>>,
     /// How long callers wait for a map that is being loaded.
     patience: Duration,
+    /// Places for restores.
+    restores: Arc<Semaphore>,
 }
 
 /// Newest frame and revision of a map: it changes when the map does.
@@ -54,12 +59,18 @@ pub(crate) struct Recording {
 impl RecordedMaps {
     pub(crate) fn new(engine: Arc<Engine>, store: Store) -> Self {
         let patience = Duration::ZERO;
-        Self { engine, store, places: Arc::default(), saved: Arc::default(), patience }
+        let restores = Arc::new(Semaphore::new(RESTORES));
+        Self { engine, store, places: Arc::default(), saved: Arc::default(), patience, restores }
     }
 
     /// The same, where callers wait so long for a map that is being loaded.
     pub(crate) fn waiting(self, patience: Duration) -> Self {
         Self { patience, ..self }
+    }
+
+    /// Places for restores.
+    pub(super) fn restores(&self) -> Arc<Semaphore> {
+        self.restores.clone()
     }
 
     pub(crate) fn engine(&self) -> &Arc<Engine> {

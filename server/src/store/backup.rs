@@ -117,7 +117,8 @@ fn unpack_files(disk: &dyn Disk, folder: &Path, tar: impl Read) -> Result<(), Ba
     };
     let mut archive = tar::Archive::new(tar);
     let mut is_whole = false;
-    for entry in archive.entries().map_err(unreadable)? {
+    // Raw: names that are longer than a header, which would be read into memory, are refused.
+    for entry in archive.entries().map_err(unreadable)?.raw(true) {
         let mut entry = entry.map_err(unreadable)?;
         let path = entry.path().map_err(unreadable)?.into_owned();
         if path.as_os_str() == END {
@@ -131,7 +132,12 @@ fn unpack_files(disk: &dyn Disk, folder: &Path, tar: impl Read) -> Result<(), Ba
         };
         let path = folder.join(name);
         let io = |reason| StoreError::io("write", &path, reason);
-        let mut file = disk.create(&path).map_err(io)?;
+        let mut file = match disk.create(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                return Err(BackupFault::Refused(format!("the backup has {name} twice")));
+            }
+            created => created.map_err(io)?,
+        };
         copy(&mut entry, &mut *file, &path)?;
         file.sync().map_err(io)?;
     }

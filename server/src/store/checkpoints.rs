@@ -60,9 +60,13 @@ pub(super) fn is_one(name: &str) -> bool {
     number(name, ENDING).is_some()
 }
 
+/// Numbers of files are smaller, so that there is always a next one.
+const NUMBERS: u64 = 1_000_000_000;
+
 /// The number in `checkpoint-NUMBER` with this ending.
 fn number(name: &str, ending: &str) -> Option<u64> {
-    name.strip_prefix(PREFIX)?.strip_suffix(ending)?.parse().ok()
+    let number = name.strip_prefix(PREFIX)?.strip_suffix(ending)?.parse().ok();
+    number.filter(|number| *number < NUMBERS)
 }
 
 /// The checkpoints in a map's folder, newest first.

@@ -143,7 +143,9 @@ impl History {
     fn stream(&mut self, directory: &Directory) {
         let (disk, folder) = (directory.disk().clone(), directory.map(MAP));
         let room = Arc::new(Room::new(&folder, RecordingConfig::default()));
-        let Ok(recorder) = Recorder::new(disk, folder, opening(), room) else { return };
+        let Ok(recorder) = Recorder::new(disk, folder, opening(), room, Life::default()) else {
+            return;
+        };
         for _ in 0..self.random.random_range(0..8) {
             let sequence = self.promised.next;
             self.promised.next += 1 + u64::from(self.random.random_range(0..10_u8) == 0);

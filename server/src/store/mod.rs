@@ -33,10 +33,12 @@ pub(crate) use room::Usage;
 use directory::Directory;
 use disk::{Disk, RealDisk};
 use lexsplat_proto::v1;
+use recording::Life;
 use room::Room;
+use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The data directory with the recordings. Cheap to clone.
 #[derive(Clone, Default)]
@@ -45,6 +47,8 @@ pub(crate) struct Store {
     directory: Option<Arc<Directory>>,
     /// As for the directory.
     room: Option<Arc<Room>>,
+    /// Of maps with a recorder.
+    lives: Arc<Mutex<BTreeMap<String, Life>>>,
 }
 
 impl Store {
@@ -66,7 +70,7 @@ impl Store {
     ) -> Result<Self, StoreError> {
         let room = directory.map(|path| Arc::new(Room::new(path, limits.clone())));
         let directory = directory.map(|path| Directory::open(disk, path)).transpose()?;
-        Ok(Self { directory: directory.map(Arc::new), room })
+        Ok(Self { directory: directory.map(Arc::new), room, lives: Arc::default() })
     }
 
     /// What the maps use of the disk, and what is free; `None` if nothing is recorded.
@@ -94,9 +98,14 @@ impl Store {
         };
         let (disk, folder) = (directory.disk().clone(), directory.map(&open.map));
         let open = open.clone();
-        let made =
-            tokio::task::spawn_blocking(move || Recorder::new(disk, folder, open, room)).await;
-        made.expect("making a folder does not panic").map(Some)
+        let lives = self.lives.clone();
+        let made = tokio::task::spawn_blocking(move || {
+            // A deletion in progress comes first.
+            let mut lives = lives.lock().unwrap_or_else(PoisonError::into_inner);
+            let life = lives.entry(open.map.clone()).or_default().clone();
+            Recorder::new(disk, folder, open, room, life)
+        });
+        made.await.expect("making a folder does not panic").map(Some)
     }
 
     /// Removes the map's recording, if there is one.
@@ -106,8 +115,13 @@ impl Store {
     pub(crate) async fn forget(&self, map: &str) -> Result<(), StoreError> {
         let Some(directory) = self.directory.clone() else { return Ok(()) };
         let map = map.to_owned();
-        let room = self.room.clone();
+        let (room, lives) = (self.room.clone(), self.lives.clone());
         let removed = tokio::task::spawn_blocking(move || {
+            let mut lives = lives.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(life) = lives.remove(&map) {
+                // Streams of the map that are still open write nothing any more.
+                *life.write().unwrap_or_else(PoisonError::into_inner) = true;
+            }
             directory.remove(&map)?;
             room.iter().for_each(|room| room.forget(&map));
             Ok(())

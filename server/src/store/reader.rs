@@ -96,7 +96,9 @@ impl Reader {
         while at + RECORD_HEADER <= self.bytes {
             let (code, length) = self.header(at)?;
             let end = (at + RECORD_HEADER).checked_add(length);
-            let Some(end) = end.filter(|end| *end <= self.bytes) else { break };
+            let Some(end) = end.filter(|end| *end <= self.bytes && length <= LONGEST_RECORD) else {
+                break;
+            };
             chunks += u64::from(code == op::CHUNK);
             if code == op::DATA_END {
                 break;
@@ -249,6 +251,9 @@ fn is_plain_chunk(header: &[u8], length: u64) -> bool {
         && uncompressed == compressed
         && Some(length) == compressed.checked_add(CHUNK_HEADER as u64)
 }
+
+/// A longer record is damage, bytes: a frame is shorter.
+const LONGEST_RECORD: u64 = 1 << 30;
 
 /// Whether a chunk is being written: its length is the last that is put into its header.
 fn is_unfinished_chunk(header: &[u8]) -> bool {

@@ -7,7 +7,7 @@ use super::room::Room;
 use super::writer::Writer;
 use lexsplat_proto::v1::{self, frame_message::Message};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Ending of a recording's files.
@@ -17,9 +17,13 @@ const DAMAGED: &str = ".mcap.damaged-";
 /// Ending of a file that is being repaired.
 const REPAIRED: &str = ".mcap.repaired";
 
+/// Numbers of files are smaller, so that there is always a next one.
+const NUMBERS: u32 = 1_000_000_000;
+
 /// Whether a file of this name is a recording.
 pub(super) fn is_recording(name: &str) -> bool {
-    name.strip_suffix(MCAP).is_some_and(|stem| stem.parse::<u32>().is_ok())
+    let number = name.strip_suffix(MCAP).and_then(|stem| stem.parse::<u32>().ok());
+    number.is_some_and(|number| number < NUMBERS)
 }
 
 /// The wanted names in a map's folder, by the number that they begin with.
@@ -39,6 +43,9 @@ fn number(name: &str) -> Option<u32> {
     name.split('.').next()?.parse().ok()
 }
 
+/// Whether the map that a recorder writes for was deleted. A map of the same name may be there since.
+pub(super) type Life = Arc<RwLock<bool>>;
+
 /// Appends the frames of one stream to a recording. They are in a file of their own, which is made with the
 /// first frame. Cheap to clone.
 #[derive(Clone)]
@@ -47,6 +54,7 @@ pub(crate) struct Recorder {
     folder: Arc<PathBuf>,
     open: Arc<v1::OpenMap>,
     room: Arc<Room>,
+    life: Life,
     /// `None` before the first frame and after an error.
     writer: Arc<Mutex<Option<Writer>>>,
 }
@@ -61,13 +69,14 @@ impl Recorder {
         folder: PathBuf,
         open: v1::OpenMap,
         room: Arc<Room>,
+        life: Life,
     ) -> Result<Self, StoreError> {
         let made = disk
             .create_folder(&folder)
             .and_then(|()| folder.parent().map_or(Ok(()), |parent| disk.sync_folder(parent)));
         made.map_err(|reason| StoreError::io("create", &folder, reason))?;
         let (folder, open) = (Arc::new(folder), Arc::new(open));
-        Ok(Self { disk, folder, open, room, writer: Arc::default() })
+        Ok(Self { disk, folder, open, room, life, writer: Arc::default() })
     }
 
     /// Appends a frame. It is on disk when this returns. After an error a new file is begun with the next
@@ -87,6 +96,11 @@ impl Recorder {
     /// # Errors
     /// [`StoreError`]; then the frame is not in the recording.
     pub(super) fn append_now(&self, frame: v1::Frame) -> Result<(), StoreError> {
+        // A deletion waits until the frame is written.
+        let is_gone = self.life.read().unwrap_or_else(PoisonError::into_inner);
+        if *is_gone {
+            return Err(StoreError::Closed { path: self.folder.to_path_buf() });
+        }
         let map = &self.open.map;
         let appended = self.room.admit(map).and_then(|()| self.write(frame));
         self.room.note(map, &appended);
@@ -109,10 +123,7 @@ impl Recorder {
         let used = names(&self.folder, |name| name.contains(MCAP))?;
         let newest = used.iter().filter_map(|name| number(name)).max().unwrap_or(0);
         let path = self.folder.join(format!("{:04}{MCAP}", newest.saturating_add(1)));
-        let writer = Writer::create(&self.disk, &path, &self.open).inspect_err(|_| {
-            // On a full disk nothing is in it.
-            let _ = self.disk.remove(&path);
-        })?;
+        let writer = Writer::create(&self.disk, &path, &self.open)?;
         self.disk
             .sync_folder(&self.folder)
             .map_err(|reason| StoreError::io("write to", &self.folder, reason))?;

@@ -1,5 +1,6 @@
 //! Recordings on a real disk: what is written comes back, also after a crash and after damage.
 
+use super::writer::Writer;
 use super::*;
 use lexsplat_proto::v1::frame_message::Message;
 use std::ops::Range;
@@ -258,4 +259,39 @@ async fn frames_are_used_when_a_file_cannot_be_repaired() {
     std::fs::remove_dir(data.file("0001.mcap.repaired")).unwrap();
     assert_eq!(data.read(), (all(0..3), 0));
     assert_eq!(data.names(), ["0001.mcap"]);
+}
+
+#[tokio::test]
+async fn a_stream_of_a_deleted_map_writes_nothing_into_the_next_one() {
+    let data = Data::new();
+    let store = data.store();
+    let record = async || store.record(&opening()).await.unwrap().unwrap();
+    let stale = record().await;
+    store.forget("kitchen").await.unwrap();
+    let next = record().await;
+    next.append(frame(0)).await.unwrap();
+    let refused = stale.append(frame(1_000_000)).await;
+    assert!(matches!(refused, Err(StoreError::Closed { .. })), "{refused:?}");
+    next.append(frame(1)).await.unwrap();
+    next.finish().await;
+    drop(store);
+    assert_eq!(data.names(), ["0001.mcap"]);
+    assert_eq!(data.read(), (all(0..2), 0));
+}
+
+#[tokio::test]
+async fn a_file_that_is_there_is_never_removed() {
+    let data = Data::new();
+    data.record(0..3, true).await;
+    let path = data.file("0001.mcap");
+    let disk: Arc<dyn Disk> = Arc::new(RealDisk);
+    assert!(Writer::create(&disk, &path, &opening()).is_err(), "it is there");
+    assert_eq!(data.read(), (all(0..3), 0));
+    for (name, is_one) in [("0001.mcap", true), ("4294967295.mcap", false)] {
+        assert_eq!(recording::is_recording(name), is_one, "{name} has a next number");
+    }
+    for (number, is_one) in [("0001", true), ("18446744073709551615", false)] {
+        let name = format!("checkpoint-{number}.lexsplat");
+        assert_eq!(checkpoints::is_one(&name), is_one, "{name} has a next number");
+    }
 }

@@ -48,6 +48,18 @@ impl Writer {
         open: &v1::OpenMap,
     ) -> Result<Self, StoreError> {
         let file = disk.create(path).map_err(|reason| StoreError::io("create", path, reason))?;
+        Self::begin(disk, path, open, file).inspect_err(|_| {
+            // On a full disk nothing is in it.
+            let _ = disk.remove(path);
+        })
+    }
+
+    fn begin(
+        disk: &Arc<dyn Disk>,
+        path: &Path,
+        open: &v1::OpenMap,
+        file: Box<dyn DiskFile>,
+    ) -> Result<Self, StoreError> {
         let same = file.another().map_err(|reason| StoreError::io("open", path, reason))?;
         let is_closed = Arc::new(AtomicBool::new(false));
         let options = WriteOptions::new().compression(None).chunk_size(None).library(LIBRARY);
