@@ -7,8 +7,9 @@
 //! ```
 //!
 //! The server is at 127.0.0.1:50051 (gRPC) and 127.0.0.1:8080 (HTTP), or where `LEXSPLAT_GRPC` and
-//! `LEXSPLAT_HTTP` say; `LEXSPLAT_TOKEN` is the token, if it asks for one. On a robot, take frames from the camera instead of [`Replica`]: color as
-//! JPEG or PNG, depth as 16-bit PNG of the same pixels, and the pose `world_from_camera` in metres.
+//! `LEXSPLAT_HTTP` say; `LEXSPLAT_TOKEN` is the token, if it asks for one. On a robot, take frames from the
+//! camera instead of [`Replica`]: color as JPEG or PNG, depth as 16-bit PNG of the same pixels, and the pose
+//! `world_from_camera` in metres.
 
 use lexsplat_client::Access;
 use lexsplat_client::dataset::{Dataset, DatasetError, Replica};

@@ -10,7 +10,7 @@ struct Entry {
     timestamp_nanos: u64,
     /// Row-major 4x4, metres.
     world_from_camera: Vec<f64>,
-    /// Row-major 6x6, of a left perturbation [rho metres, theta radians], relative to the map around the camera.
+    /// Row-major 6x6, of a left perturbation [rho metres, theta radians]; relative to the map around it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pose_covariance: Option<Vec<f64>>,
 }
