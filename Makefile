@@ -22,6 +22,7 @@ demo: deps ## Build, map a room, ask five questions, write heat maps into demo-o
 
 test: lint ## Lints, and every test
 	@deploy/setup.sh --tests
+	cargo build --workspace --bins
 	cargo test --workspace
 
 lint: ## Format, lints, documentation, licences, spelling
@@ -52,6 +53,7 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
 soak: deps ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
+	cargo build --workspace --bins
 	cargo test --workspace --lib -- --ignored --nocapture many_histories
 	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1
 
