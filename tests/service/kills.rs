@@ -374,7 +374,8 @@ fn records(bytes: &[u8]) -> impl Iterator<Item = (u8, std::ops::Range<usize>)> {
     std::iter::from_fn(move || {
         let header = bytes.get(at..at + 9)?;
         let length = u64::from_le_bytes(header[1..].try_into().expect("8 bytes"));
-        let (start, end) = (at, at + 9 + usize::try_from(length).ok()?);
+        // A flipped bit can make a length as large as there is.
+        let (start, end) = (at, usize::try_from(length).ok()?.checked_add(at + 9)?);
         at = end;
         (end <= bytes.len()).then_some((header[0], start..end))
     })
