@@ -120,6 +120,8 @@ struct Folder {
     /// The next frame that is sent.
     next: u64,
     damage: Damage,
+    /// The file that was damaged.
+    damaged: PathBuf,
 }
 
 /// How often what happened.
@@ -142,6 +144,7 @@ impl Folder {
             cost: BTreeSet::new(),
             next: 0,
             damage: Damage::Nothing,
+            damaged: PathBuf::new(),
         }
     }
 
@@ -255,6 +258,7 @@ impl Folder {
         }
         std::fs::write(&path, bytes).expect("it can be written");
         self.damage = wanted;
+        self.damaged = path;
     }
 
     /// Compares the map and the recording with what must be there. Returns how many frames were lost.
@@ -280,6 +284,10 @@ impl Folder {
         let files = self.files("");
         for aside in files.iter().filter(|path| path.to_string_lossy().contains("damaged-")) {
             std::fs::remove_file(aside).expect("it can be removed");
+        }
+        if self.damage == Damage::CheckpointBit {
+            // An error: a newer checkpoint has taken its place.
+            let _ = std::fs::remove_file(&self.damaged);
         }
         lost.len()
     }
