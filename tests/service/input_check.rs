@@ -115,6 +115,8 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
             InputProblem::InvertedPoses => "inverted_poses",
             InputProblem::CameraAxes => "camera_axes",
             InputProblem::UnregisteredDepth => "unregistered_depth",
+            InputProblem::RepeatedDepth => "repeated_depth",
+            InputProblem::BadBeginning => "bad_beginning",
             InputProblem::Unspecified => unreachable!("no test expects it"),
         });
         assert_eq!(told, Vec::from_iter(name), "{map}: other maps' mistakes are not its own");

@@ -31,7 +31,7 @@ pub struct Progress {
 pub struct InputWarning {
     /// Number of the frame with which the server noticed it.
     pub sequence: u64,
-    /// `depth_unit`, `inverted_poses`, `camera_axes` or `unregistered_depth`.
+    /// `depth_unit`, `inverted_poses`, `camera_axes`, `unregistered_depth`, `repeated_depth` or `bad_beginning`.
     pub problem: String,
     /// What is wrong, how sure that is, and what to do.
     pub message: String,
@@ -57,6 +57,8 @@ fn problem_name(problem: InputProblem) -> &'static str {
         InputProblem::InvertedPoses => "inverted_poses",
         InputProblem::CameraAxes => "camera_axes",
         InputProblem::UnregisteredDepth => "unregistered_depth",
+        InputProblem::RepeatedDepth => "repeated_depth",
+        InputProblem::BadBeginning => "bad_beginning",
     }
 }
 

@@ -69,6 +69,8 @@ pub(super) fn wire_warnings(warnings: Vec<InputWarning>) -> Vec<v1::InputWarning
             InputProblem::InvertedPoses => v1::InputProblem::InvertedPoses,
             InputProblem::CameraAxes => v1::InputProblem::CameraAxes,
             InputProblem::UnregisteredDepth => v1::InputProblem::UnregisteredDepth,
+            InputProblem::RepeatedDepth => v1::InputProblem::RepeatedDepth,
+            InputProblem::BadBeginning => v1::InputProblem::BadBeginning,
         };
         v1::InputWarning { problem: problem.into(), message }
     };

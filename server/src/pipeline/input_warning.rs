@@ -15,6 +15,10 @@ pub enum InputProblem {
     CameraAxes,
     /// Depth does not lie on the color image.
     UnregisteredDepth,
+    /// Depth stays the same while color changes.
+    RepeatedDepth,
+    /// The first frames could not be tracked together with later ones: the map began anew.
+    BadBeginning,
 }
 
 impl InputProblem {
@@ -25,6 +29,8 @@ impl InputProblem {
             Self::InvertedPoses => "inverted_poses",
             Self::CameraAxes => "camera_axes",
             Self::UnregisteredDepth => "unregistered_depth",
+            Self::RepeatedDepth => "repeated_depth",
+            Self::BadBeginning => "bad_beginning",
         }
     }
 }

@@ -4,7 +4,8 @@
 //! compared, at 160 columns: whether poses and depths fit together (`pose_check.rs`), whether depth lies on
 //! the color image (`registration.rs`), and whether depths are of a size that a room can have. Each check
 //! tries the usual mistakes, and speaks only if one of them explains nearly all frames far better than what
-//! was sent. It refuses nothing and does not touch the map.
+//! was sent. Depth that repeats while color changes is looked for as long as the stream goes on
+//! (`repeated_depth.rs`). The checks refuse nothing and do not touch the map.
 
 mod edges;
 mod fit;
@@ -12,6 +13,7 @@ mod message;
 mod pose_check;
 mod reading;
 mod registration;
+mod repeated_depth;
 mod small_frame;
 #[cfg(test)]
 mod tests;
@@ -21,6 +23,7 @@ use super::input_warning::InputWarning;
 use super::quantile::median;
 use pose_check::PoseCheck;
 use registration::RegistrationCheck;
+use repeated_depth::RepeatedDepthCheck;
 use serde::{Deserialize, Serialize};
 use small_frame::{Glance, SmallFrame};
 use std::collections::VecDeque;
@@ -51,6 +54,15 @@ pub(super) struct InputCheck {
     /// Each check ends with its first warning, or when it has seen enough.
     poses: Option<PoseCheck>,
     registration: Option<RegistrationCheck>,
+    repeated_depth: RepeatedDepthCheck,
+}
+
+/// What was seen in one frame.
+pub(super) struct Examined {
+    /// Whether its depth is that of an earlier frame, while its color is not.
+    pub repeats_depth: bool,
+    /// What can be said now for the first time.
+    pub warnings: Vec<InputWarning>,
 }
 
 impl InputCheck {
@@ -62,15 +74,24 @@ impl InputCheck {
             sizes: Some(Vec::new()),
             poses: Some(PoseCheck::new()),
             registration: Some(RegistrationCheck::new()),
+            repeated_depth: RepeatedDepthCheck::default(),
         }
     }
 
-    /// Examines a frame if it shows something new. Returns what can be said now for the first time.
-    pub fn examine(&mut self, frame: &Frame) -> Vec<InputWarning> {
+    /// Examines a frame.
+    pub fn examine(&mut self, frame: &Frame) -> Examined {
+        let glance = Glance::new(frame);
+        let repeats_depth = self.repeated_depth.repeats(&glance);
+        let mut warnings: Vec<_> = self.repeated_depth.warning().into_iter().collect();
+        warnings.extend(self.examine_new(frame, glance));
+        Examined { repeats_depth, warnings }
+    }
+
+    /// Examines a frame if it shows something new.
+    fn examine_new(&mut self, frame: &Frame, glance: Glance) -> Vec<InputWarning> {
         if self.is_done() {
             return Vec::new();
         }
-        let glance = Glance::new(frame);
         let is_new = self.newest.as_ref().is_none_or(|newest| !glance.is_like(newest));
         if !is_new || !glance.has_depth() {
             return Vec::new();

@@ -93,6 +93,32 @@ impl Glance {
         measured as f32 >= LEAST_DEPTH * self.pixels.len() as f32
     }
 
+    /// Whether a frame of the same camera has the very same depth. Measured depth never repeats by chance.
+    pub fn has_depth_of(&self, other: &Self) -> bool {
+        self.pixels.len() == other.pixels.len()
+            && self.pixels.iter().zip(&other.pixels).all(|(a, b)| a.1 == b.1)
+    }
+
+    /// Whether depth is the same everywhere: a wall seen at a right angle by a renderer, or a made-up depth.
+    pub fn is_flat(&self) -> bool {
+        self.pixels.windows(2).all(|two| two[0].1 == two[1].1)
+    }
+
+    /// Root mean square of the difference of brightness to a frame of the same size, 0 to 255, that no gain and
+    /// offset explain: another exposure is no change.
+    pub fn brightness_change(&self, other: &Self) -> f32 {
+        let count = self.pixels.len().max(1) as f32;
+        let mean = |glance: &Self| glance.pixels.iter().map(|pixel| pixel.0).sum::<f32>() / count;
+        let means = (mean(self), mean(other));
+        let pairs = self.pixels.iter().zip(&other.pixels);
+        let [own, both, others] = pairs.fold([0.0; 3], |[own, both, others], (a, b)| {
+            let (a, b) = (a.0 - means.0, b.0 - means.1);
+            [own + a * a, both + a * b, others + b * b]
+        });
+        let explained = if others > 0.0 { both * both / others } else { 0.0 };
+        ((own - explained).max(0.0) / count).sqrt()
+    }
+
     /// Whether a frame of the same camera looks the same from the same place: little has moved.
     pub fn is_like(&self, other: &Self) -> bool {
         let pairs = || self.pixels.iter().zip(&other.pixels);

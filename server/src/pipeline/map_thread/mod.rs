@@ -13,8 +13,9 @@ use super::checkpoint::{Checkpoint, Progress};
 use super::closure::{Closure, MapParts};
 use super::compressor::CompressorConfig;
 use super::encoder::LanguageMap;
-use super::frame::{Frame, FrameOutcome, TrackedPose};
-use super::input_check::InputCheck;
+use super::frame::{Frame, FrameOutcome, TrackedPose, TrackingState};
+use super::input_check::{Examined, InputCheck};
+use super::input_warning::{InputProblem, InputWarning};
 use super::keyframes::{Keyframe, KeyframeWidths};
 use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
@@ -58,6 +59,15 @@ struct MapThread {
     /// Who waits for the state of the map.
     saves: Vec<oneshot::Sender<Result<Checkpoint, String>>>,
     map: Arc<Map>,
+}
+
+/// Tells that the map was emptied and begins with the frame of this sequence number.
+fn bad_beginning(sequence: u64) -> InputWarning {
+    let message = format!(
+        "The first frames of the map could not be tracked together with those that came after: it was emptied and \
+         begins anew with frame {sequence}. Over-exposed or dark pictures, or a hand before the lens, look like that."
+    );
+    InputWarning { problem: InputProblem::BadBeginning, message }
 }
 
 /// What became of a tracked frame.
@@ -167,23 +177,28 @@ impl MapThread {
         frame: Frame,
         reply: oneshot::Sender<FrameOutcome>,
     ) -> Result<(), GpuError> {
-        let tracked = match self.track(&frame)? {
+        let Examined { repeats_depth, mut warnings } =
+            timed(INPUT_CHECK_SECONDS, || self.input_check.examine(&frame));
+        let tracked = match self.track(&frame, repeats_depth)? {
             Tracking::Found(tracked) => Some(*tracked),
             Tracking::Lost => None,
-            Tracking::BeginAnew(first) => self.begin_anew(*first, &frame)?,
+            Tracking::BeginAnew(first) => {
+                warnings.push(bad_beginning(first.sequence));
+                self.begin_anew(*first, &frame)?
+            }
         };
         let mut outcome = FrameOutcome {
             sequence: frame.sequence,
-            tracking: self.tracker.state(),
+            tracking: if tracked.is_some() { self.tracker.state() } else { TrackingState::Lost },
             relocalised: tracked.is_some_and(|tracked| tracked.relocalised),
             world_from_camera: None,
             covariance: None,
             keyframe: false,
             revision: self.live.revision,
-            input_warnings: timed(INPUT_CHECK_SECONDS, || self.input_check.examine(&frame)),
+            input_warnings: warnings,
         };
         if let Some(tracked) = &tracked {
-            let mapped = self.map_tracked(frame, tracked)?;
+            let mapped = self.map_tracked(frame, tracked, repeats_depth)?;
             outcome.keyframe = mapped.is_keyframe;
             outcome.world_from_camera = Some(mapped.world_from_camera);
             outcome.covariance =
@@ -199,14 +214,21 @@ impl MapThread {
         self.publish_if_due()
     }
 
-    /// Adds a tracked frame to the trajectory, and to the map if it is a keyframe.
-    fn map_tracked(&mut self, frame: Frame, tracked: &TrackedPose) -> Result<Mapped, GpuError> {
+    /// Adds a tracked frame to the trajectory, and to the map if it is a keyframe. One whose depth is that of
+    /// another frame never is.
+    fn map_tracked(
+        &mut self,
+        frame: Frame,
+        tracked: &TrackedPose,
+        repeats_depth: bool,
+    ) -> Result<Mapped, GpuError> {
         if let Some(sequence) = tracked.beside {
             self.closure.found_beside(&mut self.live, sequence);
         }
         let mut world_from_camera = tracked.world_from_camera;
         let keyframes = &self.live.keyframes;
-        let is_keyframe = select::is_keyframe(keyframes, &frame, &world_from_camera, &self.config);
+        let is_keyframe = !repeats_depth
+            && select::is_keyframe(keyframes, &frame, &world_from_camera, &self.config);
         if is_keyframe {
             world_from_camera = self.insert_keyframe(&frame, tracked)?;
         }
@@ -227,25 +249,26 @@ impl MapThread {
         first: Frame,
         second: &Frame,
     ) -> Result<Option<TrackedPose>, GpuError> {
-        tracing::warn!(
-            sequence = first.sequence,
-            "the first frames of the map were bad: it begins anew with this frame"
-        );
         self.trainer.settle(&mut self.live.gaussians)?;
         self.live.clear(&self.gpu, step_budget(&self.config));
         self.tracker.begin_anew();
         self.closure.begin_anew();
         self.publisher.gaussians_changed();
-        if let Tracking::Found(tracked) = self.track(&first)? {
-            self.map_tracked(first, &tracked)?;
+        if let Tracking::Found(tracked) = self.track(&first, false)? {
+            self.map_tracked(first, &tracked, false)?;
         }
-        Ok(match self.track(second)? {
+        Ok(match self.track(second, false)? {
             Tracking::Found(tracked) => Some(*tracked),
             Tracking::Lost | Tracking::BeginAnew(_) => None,
         })
     }
 
-    fn track(&mut self, frame: &Frame) -> Result<Tracking, GpuError> {
+    /// Estimates the pose of a frame. One whose depth is that of another frame is lost, which says nothing of
+    /// the frames after it.
+    fn track(&mut self, frame: &Frame, repeats_depth: bool) -> Result<Tracking, GpuError> {
+        if repeats_depth && frame.world_from_camera.is_none() {
+            return Ok(Tracking::Lost);
+        }
         let mut scene = Scene {
             trainer: &mut self.trainer,
             gaussians: &self.live.gaussians,

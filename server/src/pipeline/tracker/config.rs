@@ -183,7 +183,7 @@ impl Default for TrackerConfig {
             min_overlap: 0.3,
             min_surface: 0.1,
             min_intensity: 0.55,
-            min_conditioning: 1e-4,
+            min_conditioning: 6e-4,
             convincing_disagreement: 0.03,
             convincing_factor: 2.0,
             max_disagreement: 0.05,

@@ -13,7 +13,9 @@ const FIRST_USUAL: f64 = 0.04;
 /// The usual share is never taken to be more than this, so that wrong poses cannot raise it far.
 const MOST_USUAL: f64 = 0.09;
 /// Least weight of a new frame in the usual share; the first frames weigh more.
-const LEARNING: f64 = 0.1;
+const LEARNING: f64 = 0.02;
+/// After so many frames the usual share is known.
+const KNOWN: u32 = 5;
 
 /// Knows how much tracked frames usually leave unexplained.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -32,7 +34,8 @@ impl Default for Judge {
 impl Judge {
     /// Whether no other start needs to be tried.
     pub fn is_convincing(&self, quality: &AlignmentQuality, config: &TrackerConfig) -> bool {
-        let allowed = (config.convincing_factor * self.usual).max(config.convincing_disagreement);
+        let usual = if self.count > KNOWN { self.usual } else { 0.0 };
+        let allowed = (config.convincing_factor * usual).max(config.convincing_disagreement);
         1.0 - quality.agreement <= allowed
     }
 
@@ -73,5 +76,25 @@ mod tests {
         (0..400).for_each(|_| noisy.learn(&quality(0.3)));
         assert!(!believed(&noisy, 0.6), "wrong poses do not make worse ones believable");
         assert!(!believed(&Judge::default(), f64::NAN));
+    }
+
+    #[test]
+    fn at_first_only_little_may_be_unexplained_without_another_start() {
+        let config = TrackerConfig::default();
+        let convinced =
+            |judge: &Judge, agreement: f64| judge.is_convincing(&quality(agreement), &config);
+        let mut judge = Judge::default();
+        assert!(convinced(&judge, 0.98) && !convinced(&judge, 0.95));
+        (0..KNOWN).for_each(|_| judge.learn(&quality(0.95)));
+        assert!(convinced(&judge, 0.95), "that is what the sensor usually leaves");
+        // Wrong poses that become worse step by step do not make each other believable.
+        let mut judge = Judge::default();
+        (0..40).for_each(|_| judge.learn(&quality(0.999)));
+        let is_believed = |step: &i32| {
+            let quality = quality(0.99 - 0.01 * f64::from(*step));
+            judge.learn(&quality);
+            judge.is_believable(&quality, &config)
+        };
+        assert!((0..30).take_while(is_believed).count() < 10);
     }
 }

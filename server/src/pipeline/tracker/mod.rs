@@ -46,7 +46,7 @@ use feature_pose::FeaturePose;
 use frame_aligner::FrameAligner;
 use judge::Judge;
 use lexsplat_gpu::{Camera, Gpu, GpuError};
-use motion::{LONG_PAUSE, Motion, SHORT_PAUSE};
+use motion::{Expected, LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
 use quality::{is_blank, usable_share};
 use search::{Origin, Search};
@@ -233,7 +233,7 @@ impl Tracker {
         // While lost, a hint is a guess.
         let origin = if is_lost { Origin::Guess } else { Origin::Prediction };
         let hint = frame.hint.as_ref().and_then(|hint| InitialPose::from_hint(hint, self.exposure));
-        let predicted = self.expected(frame).map(|pose| self.start(pose, false));
+        let predicted = self.expected(frame).map(|at| self.start(at.world_from_camera, false));
         for start in hint.iter().chain(&predicted) {
             let keyframes = self.references(scene, image, start);
             search.add(origin, aligner.align_with_map(scene, start, &keyframes)?);
@@ -291,7 +291,8 @@ impl Tracker {
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
     ) -> Result<(), GpuError> {
-        if let Some(start) = self.expected(frame).map(|pose| self.start(pose, false)) {
+        if let Some(expected) = self.expected(frame) {
+            let start = self.start(expected.world_from_camera, false);
             if let Some(found) = aligner.align_with_last(&start)? {
                 search.add(Origin::Prediction, found);
             }
@@ -323,9 +324,9 @@ impl Tracker {
     }
 
     /// Where the camera is expected; `None` while it is lost.
-    fn expected(&self, frame: &Frame) -> Option<Isometry3<f64>> {
-        let predicted = self.motion.predict(frame.timestamp_nanos, SHORT_PAUSE);
-        predicted.filter(|_| self.state != TrackingState::Lost)
+    fn expected(&self, frame: &Frame) -> Option<Expected> {
+        let expected = self.motion.expect(frame.timestamp_nanos, SHORT_PAUSE);
+        expected.filter(|_| self.state != TrackingState::Lost)
     }
 
     fn start(&self, world_from_camera: Isometry3<f64>, is_wide: bool) -> InitialPose {

@@ -3,6 +3,7 @@
 //! In: tracked poses with their times. Out: the pose on the same screw motion after the next interval. Lost
 //! frames are not added, so they do not change the velocity.
 
+use super::frame_aligner::distance;
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -12,6 +13,17 @@ use serde::{Deserialize, Serialize};
 pub(super) const SHORT_PAUSE: f64 = 3.0;
 /// Most frames that a prediction bridges at all.
 pub(super) const LONG_PAUSE: f64 = 45.0;
+
+/// Where the camera is expected.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Expected {
+    pub world_from_camera: Isometry3<f64>,
+    /// Distance by which it may be elsewhere if it only speeds up or stops, metres; infinite if its velocity is
+    /// not known.
+    pub metres: f64,
+    /// The same of its rotation, radians.
+    pub radians: f64,
+}
 
 /// The newest tracked pose and the motion that led to it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -35,6 +47,16 @@ impl Motion {
         let share =
             if interval > 0 && pause > 0.0 { (pause / interval as f64).min(longest) } else { 1.0 };
         Some(pose * se3::exp(&(twist * share)))
+    }
+
+    /// As [`Motion::predict`], with how far the camera may be from there.
+    pub fn expect(&self, nanos: u64, longest: f64) -> Option<Expected> {
+        let world_from_camera = self.predict(nanos, longest)?;
+        let (metres, radians) = match (self.last(), self.velocity) {
+            (Some(last), Some(_)) => distance(&last, &world_from_camera),
+            _ => (f64::INFINITY, f64::INFINITY),
+        };
+        Some(Expected { world_from_camera, metres, radians })
     }
 
     /// Adds a tracked frame whose predecessor was tracked too.
@@ -88,7 +110,12 @@ mod tests {
             off(&motion, 30, &(moved * screw(3.0))) < 1e-9,
             "the map and the camera were moved"
         );
+        let expected = motion.expect(30, SHORT_PAUSE).expect("a pose is known");
+        let (metres, radians) = distance(&screw(1.0), &screw(3.0));
+        assert!((expected.metres - metres).abs() + (expected.radians - radians).abs() < 1e-9);
         motion.restart(screw(5.0), 20);
         assert!(off(&motion, 30, &screw(5.0)) < 1e-12, "a restart stands still");
+        let expected = motion.expect(30, SHORT_PAUSE).expect("a pose is known");
+        assert!(expected.metres.is_infinite(), "and says nothing of the velocity");
     }
 }

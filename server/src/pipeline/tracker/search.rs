@@ -8,12 +8,15 @@ use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
 use super::frame_aligner::distance;
 use super::judge::Judge;
-use nalgebra::Isometry3;
+use super::motion::Expected;
 
 /// Two poses nearer than this are the same, metres,
 const SAME_METRES: f64 = 0.01;
 /// and radians.
 const SAME_RADIANS: f64 = 0.01;
+
+/// Surfaces agree less at a pose if this share more of the pixels contradicts it in depth.
+const LESS_DEPTH: f64 = 0.02;
 
 /// Where an alignment started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +37,7 @@ pub(super) struct Search<'a> {
     judge: &'a Judge,
     sequence: u64,
     /// Where the camera is expected; `None` while it is lost.
-    expected: Option<Isometry3<f64>>,
+    expected: Option<Expected>,
     /// Results that another one may confirm.
     results: Vec<(Origin, PoseCandidate)>,
     best: Option<PoseCandidate>,
@@ -46,7 +49,7 @@ impl<'a> Search<'a> {
         config: &'a TrackerConfig,
         judge: &'a Judge,
         sequence: u64,
-        expected: Option<Isometry3<f64>>,
+        expected: Option<Expected>,
     ) -> Self {
         let results = Vec::new();
         Self { config, judge, sequence, expected, results, best: None, is_done: false }
@@ -75,16 +78,26 @@ impl<'a> Search<'a> {
         if !is_confirmed && !is_believed {
             return;
         }
+        let jumped = matches!(origin, Origin::Features | Origin::Far) && self.is_elsewhere(&found);
+        let found = PoseCandidate { jumped, ..found };
+        let is_known = self.expected.is_some();
+        if self.best.as_ref().is_some_and(|best| is_known && is_alias(best, &found)) {
+            return;
+        }
         self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
         let is_better = |best: &PoseCandidate| quality.agreement > best.quality.agreement;
         if is_confirmed || self.best.as_ref().is_none_or(is_better) {
-            let is_elsewhere = !self.expected.is_some_and(|expected| {
-                let (metres, radians) = distance(&expected, &found.world_from_camera);
-                metres <= config.rerender_metres && radians <= config.rerender_radians
-            });
-            let jumped = matches!(origin, Origin::Features | Origin::Far) && is_elsewhere;
-            self.best = Some(PoseCandidate { jumped, ..found });
+            self.best = Some(found);
         }
+    }
+
+    /// Whether a pose is farther from the expected one than the motion explains.
+    fn is_elsewhere(&self, found: &PoseCandidate) -> bool {
+        self.expected.is_none_or(|expected| {
+            let (metres, radians) = distance(&expected.world_from_camera, &found.world_from_camera);
+            metres > self.config.rerender_metres + expected.metres
+                || radians > self.config.rerender_radians + expected.radians
+        })
     }
 
     /// Whether a result is convincing, so that no other start needs to be tried.
@@ -103,6 +116,13 @@ impl<'a> Search<'a> {
     }
 }
 
+/// Whether a pose far from where the camera is expected only looks like one that is not: colors may agree there
+/// too, as on tiles, but surfaces agree less.
+fn is_alias(expected: &PoseCandidate, elsewhere: &PoseCandidate) -> bool {
+    let [here, there] = [expected, elsewhere].map(|found| found.quality.depth_agreement);
+    !expected.jumped && elsewhere.jumped && there < here - LESS_DEPTH
+}
+
 fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
     let (metres, radians) = distance(&a.world_from_camera, &b.world_from_camera);
     metres < SAME_METRES && radians < SAME_RADIANS
@@ -112,9 +132,13 @@ fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
 mod tests {
     use super::*;
     use crate::pipeline::tracker::quality::AlignmentQuality;
+    use nalgebra::Isometry3;
 
     fn result(agreement: f64, x: f64) -> PoseCandidate {
-        let depth_agreement = agreement;
+        with_depth(agreement, agreement, x)
+    }
+
+    fn with_depth(agreement: f64, depth_agreement: f64, x: f64) -> PoseCandidate {
         let quality = AlignmentQuality { agreement, depth_agreement, ..AlignmentQuality::PERFECT };
         let world_from_camera = Isometry3::translation(x, 0.0, 0.0);
         PoseCandidate { quality, ..PoseCandidate::given(world_from_camera) }
@@ -181,16 +205,37 @@ mod tests {
     }
 
     #[test]
+    fn tiles_that_look_like_others_are_no_jump() {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let found = |depth_there: f64, metres: f64| {
+            let world_from_camera = Isometry3::identity();
+            let expected = Expected { world_from_camera, metres, radians: 0.0 };
+            let mut search = Search::new(&config, &judge, 0, Some(expected));
+            search.add(Origin::Prediction, with_depth(0.87, 1.0, 0.0));
+            (0..2).for_each(|_| search.add(Origin::Features, with_depth(0.9, depth_there, 0.6)));
+            search.best().map(|best| best.world_from_camera.translation.x)
+        };
+        assert_eq!(found(0.9, 0.05), Some(0.0), "surfaces agree less");
+        assert_eq!(found(1.0, 0.05), Some(0.6), "surfaces agree as well: the prediction was wrong");
+        assert_eq!(found(0.9, 0.7), Some(0.6), "it is where the camera may be");
+    }
+
+    #[test]
     fn features_that_lead_to_the_expected_place_are_no_jump() {
         let (config, judge) = (TrackerConfig::default(), Judge::default());
-        let jumped = |expected: Option<f64>| {
-            let expected = expected.map(|x| Isometry3::translation(x, 0.0, 0.0));
+        let jumped = |expected: Option<(f64, f64)>| {
+            let expected = expected.map(|(x, metres)| Expected {
+                world_from_camera: Isometry3::translation(x, 0.0, 0.0),
+                metres,
+                radians: 0.0,
+            });
             let mut search = Search::new(&config, &judge, 0, expected);
             search.add(Origin::Features, result(0.99, 1.0));
             search.best().map(|best| best.jumped)
         };
-        assert_eq!(jumped(Some(0.99)), Some(false));
-        assert_eq!(jumped(Some(0.5)), Some(true), "it was expected elsewhere");
+        assert_eq!(jumped(Some((0.99, 0.0))), Some(false));
+        assert_eq!(jumped(Some((0.5, 0.1))), Some(true), "it was expected elsewhere");
+        assert_eq!(jumped(Some((0.5, 0.6))), Some(false), "it may only have stopped");
         assert_eq!(jumped(None), Some(true), "it was lost");
     }
 }

@@ -7,8 +7,10 @@
 use super::super::frame::Frame;
 use serde::{Deserialize, Serialize};
 
-/// A map with more tracked frames is not given up.
-const YOUNG_FRAMES: usize = 10;
+/// A map with more tracked frames is not given up: two seconds, for which a hand may be before the lens.
+const YOUNG_FRAMES: usize = 60;
+/// After so many lost frames nothing better is waited for.
+const PATIENCE: usize = 10;
 /// A better beginning has at least this share of the first frame's usable pixels.
 const USABLE: f64 = 0.8;
 
@@ -47,9 +49,8 @@ impl YoungMap {
 
     /// Whether the map may begin anew with the last lost frame, if the frame that is lost now agrees with it.
     pub fn may_begin_anew(&self) -> bool {
-        // After many lost frames there is nothing better to wait for.
         let is_better =
-            |(_, usable): &(Frame, f64)| *usable >= USABLE * self.first || self.lost > YOUNG_FRAMES;
+            |(_, usable): &(Frame, f64)| *usable >= USABLE * self.first || self.lost > PATIENCE;
         !self.is_kept && self.lost >= self.tracked && self.stray.as_ref().is_some_and(is_better)
     }
 
@@ -114,7 +115,8 @@ mod tests {
         assert!(!begins_anew(&[0.5], &[]), "nothing is lost");
         assert!(!begins_anew(&[0.5; 3], &[0.9; 2]), "most were tracked");
         assert!(begins_anew(&[0.5; 3], &[0.9; 3]));
-        assert!(!begins_anew(&[0.5; 11], &[0.9; 50]), "it is no longer young");
+        assert!(begins_anew(&[0.5; 60], &[0.9; 60]));
+        assert!(!begins_anew(&[0.5; 61], &[0.9; 99]), "it is no longer young");
         assert!(!begins_anew(&[0.9], &[0.5]), "the first frame shows more");
         assert!(begins_anew(&[0.9], &[0.5; 11]), "nothing better comes");
     }

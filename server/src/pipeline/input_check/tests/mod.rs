@@ -11,7 +11,7 @@ use scene::{CAMERA, FRAMES, frame, pose, seen_from, shoot};
 /// What is said about a walk.
 fn warnings(frames: impl Iterator<Item = Frame>) -> Vec<InputWarning> {
     let mut check = InputCheck::new();
-    frames.flat_map(|frame| check.examine(&frame)).collect()
+    frames.flat_map(|frame| check.examine(&frame).warnings).collect()
 }
 
 /// The problems that are seen in a walk whose frames were changed.
@@ -187,14 +187,14 @@ fn frames_that_tell_nothing_do_not_use_the_check_up() {
         // Each is brighter, so that it looks new, and shows a wall at the same distance.
         let grey = (at % 2) as u8 * 100 + 50;
         wall.rgb = (0..wall.rgb.len()).map(|byte| grey * u8::from(byte / 3 % 160 < 80)).collect();
-        wall.depth_metres = wall.depth_metres.iter().map(|_| 2.0).collect();
-        assert_eq!(check.examine(&wall), [], "a wall fits with anything");
+        wall.depth_metres = wall.depth_metres.iter().map(|_| 2.0 + 1e-3 * at as f32).collect();
+        assert_eq!(check.examine(&wall).warnings, [], "a wall fits with anything");
     }
     assert!(check.examined > 24, "they looked new: {}", check.examined);
     let inverted = (0..FRAMES).flat_map(|at| {
         let mut frame = frame(at);
         change_pose(&mut frame, |pose| pose.inverse());
-        check.examine(&frame)
+        check.examine(&frame).warnings
     });
     let found: Vec<_> = inverted.map(|warning| warning.problem).collect();
     assert_eq!(found, [InputProblem::InvertedPoses]);
@@ -224,4 +224,49 @@ fn a_camera_that_stands_still_is_not_examined() {
         check.examine(&frame(at));
     });
     assert!(check.examined > 10, "a walk is: {}", check.examined);
+}
+
+/// Numbers of the frames that repeat the depth of another one.
+fn repeated(frames: impl Iterator<Item = Frame>) -> (Vec<usize>, Vec<InputProblem>) {
+    let mut check = InputCheck::new();
+    let examined: Vec<_> = frames.map(|frame| check.examine(&frame)).collect();
+    let repeats = examined.iter().enumerate().filter(|(_, seen)| seen.repeats_depth);
+    let numbers = repeats.map(|(at, _)| at).collect();
+    let problems = examined.iter().flat_map(|seen| &seen.warnings).map(|warning| warning.problem);
+    (numbers, problems.collect())
+}
+
+#[test]
+fn depth_that_repeats_while_color_changes_is_found() {
+    let with_depth_of = |at: usize, depth: usize| Frame {
+        depth_metres: frame(depth).depth_metres,
+        world_from_camera: None,
+        ..frame(at)
+    };
+    let (found, problems) = repeated((0..12).map(|at| with_depth_of(at, at.min(5))));
+    assert_eq!(
+        (found, problems),
+        ((6..12).collect(), vec![InputProblem::RepeatedDepth]),
+        "stopped"
+    );
+    let (found, problems) = repeated((0..12).map(|at| with_depth_of(at, at / 2 * 2)));
+    let every_other: Vec<_> = (1..12).step_by(2).collect();
+    assert_eq!((found, problems), (every_other, vec![InputProblem::RepeatedDepth]), "half as fast");
+    let (found, problems) = repeated((0..12).map(|at| with_depth_of(at, at)));
+    assert_eq!((found, problems), (vec![], vec![]));
+    let along_a_wall = |at: usize| {
+        let mut frame = with_depth_of(at, 0);
+        frame.depth_metres = frame.depth_metres.iter().map(|_| 2.0).collect();
+        frame
+    };
+    assert_eq!(repeated((0..12).map(along_a_wall)), (vec![], vec![]), "a rendered wall");
+    let (found, problems) = repeated((0..40).map(along_a_wall));
+    assert_eq!((found, problems), (vec![], vec![InputProblem::RepeatedDepth]), "a made-up depth");
+    // A camera that stands still, seen by a renderer, under a light that flickers.
+    let flickering = (0..12u8).map(|at| {
+        let mut frame = with_depth_of(3, 3);
+        frame.rgb = frame.rgb.iter().map(|value| value / 2 + 10 * (at % 3)).collect();
+        frame
+    });
+    assert_eq!(repeated(flickering), (vec![], vec![]), "another exposure");
 }
