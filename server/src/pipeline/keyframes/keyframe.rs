@@ -23,7 +23,8 @@ pub(in super::super) struct Keyframe {
     pub intrinsics: Intrinsics,
     /// `[height * width * 3]`, row-major RGB as received.
     pub rgb: Arc<[u8]>,
-    /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed.
+    /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed, here and
+    /// in `tracking`.
     pub training: DownsampledFrame,
     /// The training image on the device.
     pub target: ColorTarget,
@@ -69,16 +70,13 @@ impl Keyframe {
         widths: KeyframeWidths,
     ) -> Result<Self, GpuError> {
         let pose = &tracked.world_from_camera;
-        let measured = DownsampledFrame::new(frame, pose, widths.training);
-        let training = depth_gaps::closed(&measured).into_owned();
+        let resized =
+            |width| depth_gaps::closed(&DownsampledFrame::new(frame, pose, width)).into_owned();
+        let training = resized(widths.training);
         let Camera { width, height, .. } = training.camera;
         let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
         let is_same_size = DownsampledFrame::columns(frame, widths.tracking) == width;
-        let tracking = if is_same_size {
-            measured
-        } else {
-            DownsampledFrame::new(frame, pose, widths.tracking)
-        };
+        let tracking = if is_same_size { training.clone() } else { resized(widths.tracking) };
         Ok(Self {
             frame: TrackedFrame::new(frame, tracked),
             intrinsics: frame.intrinsics,

@@ -37,6 +37,7 @@ pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use scene::Scene;
 pub(super) use state::TrackerState;
 
+use super::depth_gaps;
 use super::downsampled_frame::DownsampledFrame;
 use super::features::Features;
 use super::frame::{Frame, TrackedPose, TrackingState};
@@ -52,6 +53,11 @@ use quality::{is_blank, usable_share};
 use search::{Origin, Search};
 use std::cmp::Reverse;
 use young_map::YoungMap;
+
+/// The first so many lost frames start from anywhere,
+const SEARCHED_FAR: usize = 3;
+/// and after them one in so many.
+const FAR_EVERY: usize = 5;
 
 /// Estimates poses, one frame after the other.
 pub(super) struct Tracker {
@@ -165,7 +171,8 @@ impl Tracker {
         frame: &Frame,
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
-        let image = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
+        let sent = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
+        let image = depth_gaps::closed(&sent);
         self.usable = if self.young.is_kept() { 0.0 } else { usable_share(&image) };
         if is_blank(&image) {
             return Ok(None);
@@ -210,7 +217,7 @@ impl Tracker {
         if !search.is_done() {
             self.search_by_features(&mut search, aligner, image, scene)?;
         }
-        if !search.has_found() {
+        if !search.has_found() && self.searches_far() {
             self.search_far(&mut search, aligner, frame, image, scene)?;
         }
         let found = search.best();
@@ -321,6 +328,13 @@ impl Tracker {
             search.add(Origin::Far, first.map_or(found, |keyframe| found.beside(keyframe)));
         }
         Ok(())
+    }
+
+    /// Whether this frame may start from anywhere. That takes many times as long as tracking, so a camera that
+    /// stays lost does it now and then.
+    fn searches_far(&self) -> bool {
+        let lost = self.young.lost_frames();
+        lost < SEARCHED_FAR || lost.is_multiple_of(FAR_EVERY)
     }
 
     /// Where the camera is expected; `None` while it is lost.

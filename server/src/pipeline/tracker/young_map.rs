@@ -64,6 +64,11 @@ impl YoungMap {
         self.stray.as_ref().map(|(frame, _)| frame)
     }
 
+    /// Frames lost since the last one that was tracked.
+    pub fn lost_frames(&self) -> usize {
+        self.lost
+    }
+
     /// Whether the map is no longer young.
     pub fn is_kept(&self) -> bool {
         self.is_kept
