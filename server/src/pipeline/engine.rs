@@ -112,6 +112,11 @@ impl Engine {
         &self.bundle_name
     }
 
+    /// How many maps there may be.
+    pub fn max_maps(&self) -> usize {
+        self.config.mapper.max_maps
+    }
+
     /// A digest of all that decides what a map becomes, beside its frames: the program's version, the bundle
     /// and the settings of the stages. A checkpoint can be continued by an engine with the same one.
     pub fn fingerprint(&self) -> &str {
@@ -144,7 +149,7 @@ impl Engine {
         // One map at a time, so that its name stays free while its thread starts. That takes a second, during
         // which the list of maps stays readable.
         let _turn = self.creating.lock().expect("no thread panics while it makes a map");
-        let limit = self.config.mapper.max_maps;
+        let limit = self.max_maps();
         {
             let maps = self.locked();
             if maps.contains_key(name) {
