@@ -34,7 +34,10 @@ async fn a_read_can_wait_for_what_was_acknowledged() {
     let last = FRAMES - 1;
     let render = |options: &str| {
         let url = server.url(&format!("/v1/maps/reads/render{options}"));
-        (reqwest::Client::new().get(format!("{url}&frame={last}")), reqwest::Client::new().post(url))
+        (
+            reqwest::Client::new().get(format!("{url}&frame={last}")),
+            reqwest::Client::new().post(url),
+        )
     };
     let (early, _) = render("?channel=color");
     let early = early.send().await.expect("it answers").status();
