@@ -129,12 +129,12 @@ pub(crate) struct Unpacked {
 pub(super) fn unpack(
     disk: &dyn Disk,
     folder: &Path,
-    mut room: Reservation<'_>,
+    room: &mut Reservation<'_>,
     tar: impl Read,
 ) -> Result<Unpacked, BackupFault> {
     let io = |reason| StoreError::io("write", folder, reason);
     disk.create_folder(folder).map_err(io)?;
-    let unpacked = unpack_files(disk, folder, &mut room, tar).and_then(|()| check(disk, folder));
+    let unpacked = unpack_files(disk, folder, room, tar).and_then(|()| check(disk, folder));
     let synced = unpacked
         .and_then(|unpacked| disk.sync_folder(folder).map(|()| unpacked).map_err(|e| io(e).into()));
     synced.inspect_err(|_| {

@@ -207,7 +207,9 @@ impl Store {
     ) -> Result<Option<Unpacked>, BackupFault> {
         let (Some(directory), Some(room)) = (&self.directory, &self.room) else { return Ok(None) };
         let (disk, folder) = (&**directory.disk(), directory.unfinished(map));
-        let unpacked = backup::unpack(disk, &folder, room.reserve(map), tar)?;
+        let mut reserved = room.reserve(map);
+        let unpacked = backup::unpack(disk, &folder, &mut reserved, tar)?;
+        // Until then the files count as reserved.
         directory.finish(map)?;
         Ok(Some(unpacked))
     }
