@@ -5,14 +5,16 @@ use crate::store::{self, MapReport};
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a line for each map and for each damaged file. Returns whether nothing is damaged.
+/// Writes a line for each map and for each damaged file. Returns whether there is a map and nothing is damaged:
+/// a directory without one is probably the wrong one.
 ///
 /// # Errors
 /// If the directory cannot be listed, or nothing can be written.
 pub fn inspect(data: &Path, out: &mut impl Write) -> anyhow::Result<bool> {
     let reports = store::examine(data)?;
     if reports.is_empty() {
-        writeln!(out, "no map is in {}", data.display())?;
+        writeln!(out, "no map is in {}: is this the server's --data-dir?", data.display())?;
+        return Ok(false);
     }
     for MapReport { map, files, frames, checkpoint, damages } in &reports {
         let checkpoint = match checkpoint {

@@ -57,7 +57,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     /// Read all recordings and checkpoints of a data directory, print what is damaged, and exit with
-    /// status 1 if something is
+    /// status 1 if something is, or if there is no map
     Check {
         /// The data directory; a server may be using it
         dir: PathBuf,

@@ -185,8 +185,8 @@ fn check_says_what_is_damaged_without_networks() {
         (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
     };
     let (code, said) = check();
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("no map"), "{said}");
+    assert_eq!(code, Some(1), "it is probably the wrong directory: {said}");
+    assert!(said.contains("no map") && said.contains("--data-dir"), "{said}");
     let map = folder.path().join("kitchen.map");
     fs::create_dir(&map).expect("it can be made");
     assert_eq!(check().0, Some(0));

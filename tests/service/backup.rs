@@ -2,10 +2,13 @@
 
 use lexsplat_server::config::Config;
 use lexsplat_tests::{Robot, Server, tiny_config};
-use reqwest::Response;
+use reqwest::{Body, Response};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::{Duration, Instant};
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::ReceiverStream;
 
 /// How long loading may take.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -126,11 +129,143 @@ async fn what_is_no_whole_backup_is_refused_and_leaves_nothing() {
     assert_eq!(restore(&server, "a%2Fb", taken.clone()).await.0, 400, "the name");
     let as_form = restore_as(&server, "copy", taken.clone(), "text/plain").await;
     assert_eq!(as_form.0, 415, "pages of other origins can send this unasked");
-    assert_eq!(restore(&server, "copy", taken).await.0, 201, "and the whole one is taken");
+    let (status, restored) = restore(&server, "copy", taken).await;
+    assert_eq!((status, restored), (201, json!({"frames": 4})), "and the whole one is taken");
     server.stop().await;
     let none = Server::start(tiny_config()).await;
     assert_eq!(restore(&none, "copy", Vec::new()).await.0, 409, "nothing is recorded there");
     none.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_restore_needs_room_and_a_free_place() {
+    let (here, there) = (folder(), folder());
+    let server = Server::start(config(here.path())).await;
+    server.stream(&Robot::new(7, 4), "room").await;
+    let taken = backup(&server, "room").await;
+    server.stop().await;
+    let mut little = config(there.path());
+    little.recording.max_bytes = taken.len() as u64 / 2;
+    let server = Server::start(little).await;
+    let (status, problem) = restore(&server, "copy", taken.clone()).await;
+    let detail = problem["detail"].as_str().unwrap_or_default();
+    assert!(status == 507 && detail.contains("recording.max_bytes"), "{status}: {problem}");
+    let left = std::fs::read_dir(there.path()).expect("it can be listed").count();
+    assert_eq!(left, 1, "the lock");
+    server.stop().await;
+    let mut few = config(there.path());
+    few.mapper.max_maps = 1;
+    let server = Server::start(few).await;
+    assert_eq!(restore(&server, "copy", taken.clone()).await.0, 201);
+    // Whether it is loaded yet or not.
+    for _ in 0..2 {
+        let (status, problem) = restore(&server, "second", taken.clone()).await;
+        let detail = problem["detail"].as_str().unwrap_or_default();
+        assert!(status == 429 && detail.contains("mapper.max_maps"), "{status}: {problem}");
+        splats(&server, "copy").await;
+    }
+    assert_eq!(get(&server, "/v1/maps/second").await.status(), 404);
+    server.stop().await;
+}
+
+/// A restore whose body is sent bit by bit.
+struct Slow {
+    parts: mpsc::Sender<std::io::Result<Vec<u8>>>,
+    answer: JoinHandle<Response>,
+}
+
+impl Slow {
+    /// Begins, and waits until the server has begun, too.
+    async fn begin(server: &Server, data: &Path, map: &str, part: &[u8]) -> Self {
+        let (parts, body) = mpsc::channel(1);
+        let put = reqwest::Client::new().put(server.url(&format!("/v1/maps/{map}/backup")));
+        let put = put.header("content-type", "application/x-tar");
+        let put = put.body(Body::wrap_stream(ReceiverStream::new(body))).send();
+        let answer = tokio::spawn(async { put.await.expect("it answers") });
+        parts.send(Ok(part.to_vec())).await.expect("it is read");
+        let began = Instant::now();
+        while !data.join(format!("{map}.map.unfinished")).exists() {
+            assert!(began.elapsed() < PATIENCE);
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        Self { parts, answer }
+    }
+
+    /// Sends the rest and returns the status.
+    async fn end(self, part: &[u8]) -> u16 {
+        self.parts.send(Ok(part.to_vec())).await.expect("it is read");
+        drop(self.parts);
+        self.answer.await.expect("no panic").status().as_u16()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn restores_are_bounded_and_a_deletion_waits_for_one() {
+    let data = folder();
+    let server = Server::start(config(data.path())).await;
+    server.stream(&Robot::new(7, 4), "room").await;
+    let taken = backup(&server, "room").await;
+    let (first, rest) = taken.split_at(taken.len() / 2);
+    let one = Slow::begin(&server, data.path(), "one", first).await;
+    let two = Slow::begin(&server, data.path(), "two", first).await;
+    let (status, problem) = restore(&server, "three", taken.clone()).await;
+    assert_eq!(status, 503, "{problem}");
+    let delete = reqwest::Client::new().delete(server.url("/v1/maps/one")).send();
+    let deleting = tokio::spawn(async { delete.await.expect("it answers").status() });
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    assert!(!deleting.is_finished(), "the restore is not at its end");
+    assert_eq!(one.end(rest).await, 201);
+    assert!(deleting.await.expect("no panic").is_success());
+    assert_eq!(get(&server, "/v1/maps/one").await.status(), 404);
+    assert!(!data.path().join("one.map").exists());
+    assert_eq!(restore(&server, "three", taken.clone()).await.0, 201, "there is a place again");
+    assert_eq!(two.end(rest).await, 201);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn slow_clients_give_their_places_up() {
+    let data = folder();
+    let mut config = config(data.path());
+    config.connections.body_seconds = 1;
+    let server = Server::start(config).await;
+    server.stream(&Robot::new(7, 4), "room").await;
+    let taken = backup(&server, "room").await;
+    let slow = Slow::begin(&server, data.path(), "slow", &taken[..taken.len() / 2]).await;
+    let (parts, answer) = (slow.parts, slow.answer);
+    let dripping = tokio::spawn(async move {
+        // Until the server reads no more.
+        while parts.send(Ok(vec![0])).await.is_ok() {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    });
+    assert_eq!(answer.await.expect("no panic").status(), 408);
+    dripping.await.expect("no panic");
+    assert_eq!(restore(&server, "copy", taken).await.0, 201);
+    // More than the buffers of sockets hold.
+    let large = std::fs::File::create(data.path().join("room.map/0009.mcap")).expect("a file");
+    large.set_len(256 << 20).expect("it takes no room on the disk");
+    let mut unread = Vec::new();
+    for _ in 0..4 {
+        unread.push(get(&server, "/v1/maps/room/backup").await);
+    }
+    assert!(unread.iter().all(|reply| reply.status() == 200));
+    let began = Instant::now();
+    loop {
+        let reply = get(&server, "/v1/maps/room/backup").await;
+        if reply.status() == 200 {
+            break;
+        }
+        assert_eq!(reply.status(), 503, "as many as there may be");
+        assert!(began.elapsed() < PATIENCE, "nobody reads them");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let mut broken = 0;
+    for reply in unread {
+        broken += usize::from(reply.bytes().await.is_err());
+    }
+    assert!(broken > 0, "a reader must not take a part for the whole");
+    server.stop().await;
 }
 
 /// A tar with one file, written by hand as other programs could.

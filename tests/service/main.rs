@@ -14,6 +14,7 @@ mod end_to_end;
 mod evaluate;
 mod examples;
 mod exports;
+mod extremes;
 mod faults;
 mod input_check;
 mod kills;

@@ -32,6 +32,24 @@ async fn a_read_can_wait_for_what_was_acknowledged() {
     assert_eq!(at_once["settled"], false, "after {:?}: {at_once}", impatient.elapsed());
 
     let last = FRAMES - 1;
+    let render = |options: &str| {
+        let url = server.url(&format!("/v1/maps/reads/render{options}"));
+        (
+            reqwest::Client::new().get(format!("{url}&frame={last}")),
+            reqwest::Client::new().post(url),
+        )
+    };
+    let (early, _) = render("?channel=color");
+    let early = early.send().await.expect("it answers").status();
+    assert_eq!(early, 404, "negative control: the newest frame is not there yet");
+    let (of_frame, _) = render(&format!("?min_sequence={last}&wait_seconds=300"));
+    let (_, of_view) = render("?wait=settled&wait_seconds=0");
+    for picture in [of_frame, of_view.json(&json!({"frame": last}))] {
+        let picture = picture.send().await.expect("it answers");
+        assert_eq!(picture.status(), 200);
+        assert_eq!(picture.headers()["lexsplat-through"], last.to_string().as_str());
+        assert!(picture.headers().contains_key("lexsplat-settled"));
+    }
     let url = server
         .url(&format!("/v1/maps/reads/export/points.ply?min_sequence={last}&wait_seconds=300"));
     let file = reqwest::get(url).await.expect("it answers");

@@ -7,7 +7,7 @@ use crate::access::{Access, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
     Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Problem, Question,
-    Segmentation, Status,
+    Restored, Segmentation, Status,
 };
 use reqwest::{RequestBuilder, Response, Url, header};
 use serde::de::DeserializeOwned;
@@ -94,15 +94,9 @@ impl HttpClient {
     ///
     /// # Errors
     /// See [`Self::status`].
-    pub async fn restore(&self, map: &str, backup: tokio::fs::File) -> Result<(), HttpError> {
-        self.send(
-            self.client
-                .put(self.url(map, &["backup"]))
-                .header(header::CONTENT_TYPE, "application/x-tar")
-                .body(backup),
-        )
-        .await
-        .map(drop)
+    pub async fn restore(&self, map: &str, backup: tokio::fs::File) -> Result<Restored, HttpError> {
+        let put = self.client.put(self.url(map, &["backup"]));
+        self.json(put.header(header::CONTENT_TYPE, "application/x-tar").body(backup)).await
     }
 
     /// The server's graphics adapter, networks and version.

@@ -128,3 +128,13 @@ pub struct Keyframe {
     /// Whether its language is in the map.
     pub has_language: bool,
 }
+
+/// What a backup had that was put in place.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Restored {
+    pub frames: u64,
+    /// What of it is not used, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+}

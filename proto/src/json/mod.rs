@@ -20,7 +20,9 @@ pub use answer::{Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, T
 pub use camera::{Camera, View};
 pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RevisionEvent};
 pub use health::{Health, MapLoading};
-pub use map::{Frames, InputWarning, Keyframe, LoadProgress, MapState, Maps, NewMap, Status};
+pub use map::{
+    Frames, InputWarning, Keyframe, LoadProgress, MapState, Maps, NewMap, Restored, Status,
+};
 pub use problem::Problem;
 pub use question::{Bounds, Question};
 pub use render::{Channel, RenderRequest};

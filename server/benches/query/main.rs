@@ -152,10 +152,7 @@ impl Bench {
             max_objects: 10,
             filter: SpatialFilter::default(),
         };
-        Ok(self
-            .runtime
-            .block_on(self.thread.ask(&Client::server(), snapshot.clone(), query))?
-            .timing)
+        Ok(self.runtime.block_on(self.thread.ask(&Client::Server, snapshot.clone(), query))?.timing)
     }
 
     fn segment(&self, snapshot: &Arc<MapSnapshot>, view: Option<View>) -> anyhow::Result<Timing> {
@@ -168,7 +165,7 @@ impl Bench {
         };
         Ok(self
             .runtime
-            .block_on(self.thread.segment(&Client::server(), snapshot.clone(), request))?
+            .block_on(self.thread.segment(&Client::Server, snapshot.clone(), request))?
             .timing)
     }
 

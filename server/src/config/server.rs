@@ -1,7 +1,7 @@
 //! Addresses, the data directory and the times of the server, section `server`.
 
 use crate::net::TlsConfig;
-use crate::pipeline::range::{OutOfRange, within};
+use crate::pipeline::range::{DAY, OutOfRange, within};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -42,8 +42,6 @@ impl Default for ServerConfig {
     }
 }
 
-/// A day, seconds.
-const LONGEST_PAUSE: u64 = 24 * 3600;
 /// Ten minutes, seconds.
 const LONGEST_WAIT: u64 = 600;
 
@@ -53,7 +51,8 @@ impl ServerConfig {
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
     pub(super) fn check(&self) -> Result<(), OutOfRange> {
-        within("server.checkpoint_seconds", self.checkpoint_seconds, 0..=LONGEST_PAUSE)?;
+        within("server.checkpoint_seconds", self.checkpoint_seconds, 0..=DAY)?;
+        within("server.shutdown_seconds", self.shutdown_seconds, 0..=DAY)?;
         within("server.loading_wait_seconds", self.loading_wait_seconds, 0..=LONGEST_WAIT)
     }
 }
@@ -75,12 +74,17 @@ mod tests {
                     |c| c.checkpoint_seconds = 0,
                 ),
                 (
+                    "server.shutdown_seconds",
+                    |c| c.shutdown_seconds = 86_401,
+                    |c| c.shutdown_seconds = 0,
+                ),
+                (
                     "server.loading_wait_seconds",
                     |c| c.loading_wait_seconds = 601,
                     |c| c.loading_wait_seconds = 0,
                 ),
             ],
-            &["server.shutdown_seconds"],
+            &[],
         );
     }
 }

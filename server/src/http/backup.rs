@@ -2,8 +2,10 @@
 
 use super::error::Problem;
 use super::extract::{Segments, expect_type};
+use super::pace::Pace;
 use super::state::State;
 use crate::maps::{self, BackupError};
+use axum::Json;
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::IntoResponse;
@@ -11,6 +13,7 @@ use futures::StreamExt as _;
 use lexsplat_proto::json;
 use std::io::{Read, Write};
 use std::time::Duration;
+use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
@@ -23,27 +26,34 @@ const BACKLOG: usize = 4;
 const DRAINED_BYTES: usize = 64 << 20;
 const DRAINED_WITHIN: Duration = Duration::from_secs(10);
 
-/// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile.
+/// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile. A client that takes
+/// less than 16 KiB a second for long gets no more.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
     responses(
         (status = 200, description = "a tar", content_type = "application/x-tar"),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
         (status = 409, description = "nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
+        (status = 503, description = "as many backups as the server makes at a time are being read", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn take(state: State, segments: Segments) -> Result<impl IntoResponse, Problem> {
     let name = segments.get("name");
-    let backup = maps::backup(&state.maps, name).await?;
+    let (backup, place) = maps::backup(&state.maps, name).await?;
     let (parts, stream) = mpsc::channel(BACKLOG);
-    let map = name.to_owned();
-    tokio::task::spawn_blocking(move || {
+    let (map, pace) = (name.to_owned(), Pace::new(state.body_limit));
+    tokio::spawn(async move {
         let failed = parts.clone();
-        let out = std::io::BufWriter::with_capacity(PART_BYTES, Parts(parts));
-        if let Err(error) = backup.write(out) {
+        let written = tokio::task::spawn_blocking(move || {
+            let parts = Parts { parts, pace, runtime: Handle::current() };
+            let written = backup.write(std::io::BufWriter::with_capacity(PART_BYTES, parts));
+            drop(place);
+            written
+        });
+        if let Ok(Err(error)) = written.await {
             tracing::warn!(map, %error, "a backup broke off");
             // The reader must not take a part for the whole. If this fails, it is gone.
-            let _ = failed.blocking_send(Err(error));
+            let _ = failed.send(Err(error)).await;
         }
     });
     let headers = [
@@ -53,15 +63,20 @@ pub(super) async fn take(state: State, segments: Segments) -> Result<impl IntoRe
     Ok((headers, Body::from_stream(ReceiverStream::new(stream))))
 }
 
-/// Puts a backup in place as a new map. It is checked first; then it is loaded.
+/// Puts a backup in place as a new map. It is checked first; then it is loaded. A client that sends less than
+/// 16 KiB a second for long is refused.
 #[utoipa::path(
     put, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
     request_body(content = Vec<u8>, content_type = "application/x-tar"),
     responses(
-        (status = 201, description = "the map is there and is being loaded"),
+        (status = 201, description = "the map is there and is being loaded", body = json::Restored),
         (status = 400, description = "the archive is damaged or no backup", body = json::Problem, content_type = "application/problem+json"),
-        (status = 415, description = "the body is no tar", body = json::Problem, content_type = "application/problem+json"),
+        (status = 408, description = "the archive comes too slowly", body = json::Problem, content_type = "application/problem+json"),
         (status = 409, description = "a map with this name exists, or nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
+        (status = 415, description = "the body is no tar", body = json::Problem, content_type = "application/problem+json"),
+        (status = 429, description = "there are as many maps as there may be", body = json::Problem, content_type = "application/problem+json"),
+        (status = 503, description = "as many backups as the server takes at a time are being put in place", body = json::Problem, content_type = "application/problem+json"),
+        (status = 507, description = "a quota has no room for it", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn put(
@@ -73,16 +88,17 @@ pub(super) async fn put(
     let name = segments.get("name");
     let (parts, received) = mpsc::channel(BACKLOG);
     let mut stream = body.into_data_stream();
-    let limit = state.body_limit;
+    let mut pace = Pace::new(state.body_limit);
     let receiving = tokio::spawn(async move {
         let mut unwanted = 0;
         loop {
-            let part = match tokio::time::timeout(limit, stream.next()).await {
+            let part = match pace.wait(stream.next()).await {
                 Ok(Some(part)) => part.map_err(std::io::Error::other),
                 Ok(None) => return,
-                Err(_) => Err(std::io::Error::from(std::io::ErrorKind::TimedOut)),
+                Err(too_slow) => Err(too_slow),
             };
             let (bytes, is_broken) = (part.as_ref().map_or(0, Bytes::len), part.is_err());
+            pace.moved(bytes);
             if parts.send(part).await.is_err() {
                 unwanted += bytes;
             }
@@ -103,8 +119,9 @@ pub(super) async fn put(
         // A client that is still sending would not see the answer.
         let _ = tokio::time::timeout(DRAINED_WITHIN, receiving).await;
     }
-    restored?;
-    Ok((StatusCode::CREATED, [(header::LOCATION, format!("/v1/maps/{name}"))]))
+    let restored = restored?;
+    let body = json::Restored { frames: restored.frames, warnings: restored.warnings };
+    Ok((StatusCode::CREATED, [(header::LOCATION, format!("/v1/maps/{name}"))], Json(body)))
 }
 
 impl From<BackupError> for Problem {
@@ -115,18 +132,25 @@ impl From<BackupError> for Problem {
                 Self::new(StatusCode::CONFLICT, error.to_string())
             }
             BackupError::Busy => Self::unavailable(error.to_string()),
+            BackupError::Slow { .. } => Self::new(StatusCode::REQUEST_TIMEOUT, error.to_string()),
             BackupError::Refused { .. } => Self::bad_request(error.to_string()),
         }
     }
 }
 
 /// Writes into a response.
-struct Parts(mpsc::Sender<std::io::Result<Bytes>>);
+struct Parts {
+    parts: mpsc::Sender<std::io::Result<Bytes>>,
+    pace: Pace,
+    runtime: Handle,
+}
 
 impl Write for Parts {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let sent = self.0.blocking_send(Ok(Bytes::copy_from_slice(bytes)));
+        let part = Ok(Bytes::copy_from_slice(bytes));
+        let sent = self.runtime.block_on(self.pace.wait(self.parts.send(part)))?;
         sent.map_err(|_| std::io::Error::from(std::io::ErrorKind::BrokenPipe))?;
+        self.pace.moved(bytes.len());
         Ok(bytes.len())
     }
 

@@ -5,6 +5,7 @@
 //! rebinding), and a request that changes something must come from this server's own page. Headers on
 //! every answer tell the browser what else not to do.
 
+use super::config::ANY;
 use super::error::Problem;
 use crate::net::Peer;
 use axum::extract::{Request, State};
@@ -15,8 +16,6 @@ use axum::response::{IntoResponse as _, Response};
 use std::net::IpAddr;
 use std::sync::Arc;
 
-/// Any host or origin.
-const ANY: &str = "*";
 /// Answers that are no page load and run nothing.
 const POLICY: HeaderValue = HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'");
 /// Who connected by TLS once does so for a year.

@@ -6,6 +6,7 @@ use crate::export::ExportError;
 use crate::maps::MapsError;
 use crate::pipeline::map::MapError;
 use crate::pipeline::query::QueryError;
+use crate::store::StoreError;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lexsplat_proto::json;
@@ -145,6 +146,9 @@ impl From<MapsError> for Problem {
     fn from(error: MapsError) -> Self {
         match error {
             MapsError::Map(error) => error.into(),
+            MapsError::Store(StoreError::Quota { .. }) => {
+                Self::new(StatusCode::INSUFFICIENT_STORAGE, error.to_string())
+            }
             MapsError::Store(error) => {
                 tracing::error!(error = &error as &dyn std::error::Error, "the store failed");
                 Self::internal("the server cannot write to its data directory: see its log")

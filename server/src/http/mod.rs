@@ -19,6 +19,7 @@ mod guard;
 mod health;
 mod map;
 mod openapi;
+mod pace;
 mod query;
 mod range;
 mod reading;

@@ -2,10 +2,11 @@
 
 use super::error::Problem;
 use super::extract::{Asker, Body, NPY, NamedMap, Options, wants_npy};
+use super::reading::{self, WaitOptions};
 use super::state::{Shared, State};
 use crate::check;
 use crate::export;
-use crate::pipeline::map::Map;
+use crate::pipeline::map::Reading;
 use crate::pipeline::query::{Client, RenderedImage};
 use crate::telemetry::RENDER_SECONDS;
 use axum::http::{HeaderMap, header};
@@ -23,6 +24,9 @@ pub(super) struct FrameOptions {
     channel: Channel,
     width: Option<u32>,
     height: Option<u32>,
+    wait: Option<String>,
+    min_sequence: Option<u64>,
+    wait_seconds: Option<f64>,
 }
 
 /// Renders the map from the pose of a tracked frame, with that frame's exposure.
@@ -34,6 +38,7 @@ pub(super) struct FrameOptions {
         ("channel" = Option<Channel>, Query),
         ("width" = Option<u32>, Query, description = "columns; if only height is given, they follow from it"),
         ("height" = Option<u32>, Query, description = "rows; if only width is given, they follow from it"),
+        WaitOptions,
     ),
     responses(
         (status = 200, description = "PNG; depth with Accept: application/x-npy an array",
@@ -49,15 +54,16 @@ pub(super) async fn of_frame(
     Options(options): Options<FrameOptions>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let FrameOptions { frame, channel, width, height } = options;
+    let FrameOptions { frame, channel, width, height, wait, min_sequence, wait_seconds } = options;
+    let waiting = WaitOptions { wait, min_sequence, wait_seconds };
     let frame = Some(frame);
     let request = RenderRequest { frame, channel, width, height, ..RenderRequest::default() };
-    picture(&state, &client, &map, request, &headers).await
+    picture(&state, &client, &waiting.read(&map).await?, request, &headers).await
 }
 
 /// Renders the map from any camera.
 #[utoipa::path(
-    post, path = "/v1/maps/{name}/render", tag = "maps", params(("name" = String, Path)),
+    post, path = "/v1/maps/{name}/render", tag = "maps", params(("name" = String, Path), WaitOptions),
     request_body = RenderRequest,
     responses(
         (status = 200, description = "PNG; depth with Accept: application/x-npy an array",
@@ -70,24 +76,26 @@ pub(super) async fn of_view(
     state: State,
     NamedMap(map): NamedMap,
     Asker(client): Asker,
+    Options(waiting): Options<WaitOptions>,
     headers: HeaderMap,
     Body(request): Body<RenderRequest>,
 ) -> Result<Response, Problem> {
-    picture(&state, &client, &map, request, &headers).await
+    picture(&state, &client, &waiting.read(&map).await?, request, &headers).await
 }
 
 async fn picture(
     state: &Shared,
     client: &Client,
-    map: &Map,
+    reading: &Reading,
     request: RenderRequest,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
     let started = Instant::now();
     let channel = channel_name(request.channel);
+    let snapshot = reading.snapshot.clone();
     let request =
-        check::render_request(request, map.snapshot().intrinsics, state.config.max_render_pixels)?;
-    let picture = state.in_time(state.engine().render(client, map, request)).await??;
+        check::render_request(request, snapshot.intrinsics, state.config.max_render_pixels)?;
+    let picture = state.in_time(state.engine().render(client, snapshot, request)).await??;
     let npy = wants_npy(headers) && matches!(picture, RenderedImage::Depth { .. });
     let written = tokio::task::spawn_blocking(move || write(&picture, npy)).await;
     let file = written
@@ -100,7 +108,7 @@ async fn picture(
         (header::VARY, "accept"),
         (header::CACHE_CONTROL, "no-cache"),
     ];
-    Ok((headers, file).into_response())
+    Ok((headers, reading::headers(reading), file).into_response())
 }
 
 fn write(picture: &RenderedImage, npy: bool) -> Vec<u8> {

@@ -2,7 +2,7 @@
 
 use super::answer_cache::AnswerCache;
 use super::browser::{Browsers, protect};
-use super::config::HttpConfig;
+use super::config::{ANY, HttpConfig};
 use super::error::Problem;
 use super::event_log::EventLogs;
 use super::file_cache::FileCache;
@@ -110,7 +110,7 @@ fn cors(origins: &[String]) -> Option<CorsLayer> {
     if origins.is_empty() {
         return None;
     }
-    let allowed = match origins.iter().any(|origin| origin == "*") {
+    let allowed = match origins.iter().any(|origin| origin == ANY) {
         true => AllowOrigin::any(),
         false => AllowOrigin::list(
             origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()),

@@ -1,8 +1,13 @@
 //! Settings of the gRPC interface, section `ingest`.
 
 use crate::check::Limits;
-use crate::pipeline::range::{OutOfRange, at_least, require};
+use crate::pipeline::range::{
+    DAY, MAX_BYTES, MAX_KEPT, MAX_PIXELS, OutOfRange, at_least, require, within,
+};
 use serde::{Deserialize, Serialize};
+
+/// The longest message that can be set, bytes: its frame has to fit into a record of a recording.
+const MAX_MESSAGE_BYTES: usize = 1 << 29;
 
 /// Limits on streams of frames: sizes and times.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,20 +68,20 @@ impl IngestConfig {
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
     pub(crate) fn check(&self) -> Result<(), OutOfRange> {
-        at_least("ingest.max_message_bytes", self.max_message_bytes, 1)?;
+        within("ingest.max_message_bytes", self.max_message_bytes, 1..=MAX_MESSAGE_BYTES)?;
         let most = self.max_message_bytes;
         require(
-            self.max_unfinished_bytes >= most,
+            (most..=MAX_BYTES).contains(&self.max_unfinished_bytes),
             "ingest.max_unfinished_bytes",
             self.max_unfinished_bytes,
-            format!("at least ingest.max_message_bytes, which is {most}"),
+            format!("ingest.max_message_bytes, which is {most}, to {MAX_BYTES}"),
         )?;
-        at_least("ingest.message_seconds", self.message_seconds, 1)?;
-        at_least("ingest.max_pixels", self.max_pixels, 1)?;
+        within("ingest.message_seconds", self.message_seconds, 1..=DAY)?;
+        within("ingest.max_pixels", self.max_pixels, 1..=MAX_PIXELS)?;
         at_least("ingest.max_sequence_step", self.max_sequence_step, 1)?;
-        at_least("ingest.ack_backlog", self.ack_backlog, 1)?;
-        at_least("ingest.ack_seconds", self.ack_seconds, 1)?;
-        at_least("ingest.open_seconds", self.open_seconds, 1)?;
+        within("ingest.ack_backlog", self.ack_backlog, 1..=MAX_KEPT)?;
+        within("ingest.ack_seconds", self.ack_seconds, 1..=DAY)?;
+        within("ingest.open_seconds", self.open_seconds, 1..=DAY)?;
         let (near, far) = (self.min_depth_metres, self.max_depth_metres);
         at_least("ingest.min_depth_metres", near, 0.0)?;
         require(

@@ -5,8 +5,9 @@ use super::recorded::RecordedMaps;
 use super::save;
 use crate::pipeline::engine::check_name;
 use crate::pipeline::map::MapError;
-use crate::store::{Backup, BackupFault};
+use crate::store::{Backup, BackupFault, Unpacked};
 use std::io::Read;
+use tokio::sync::OwnedSemaphorePermit;
 
 /// Why there is no backup, or one cannot be put in place.
 #[derive(Debug, thiserror::Error)]
@@ -17,20 +18,25 @@ pub(crate) enum BackupError {
     NotRecorded,
     #[error("map {name:?} has no recorded frame")]
     Empty { name: String },
-    #[error(
-        "as many backups as the server takes at a time are being put in place already: try again later"
-    )]
+    #[error("as many backups as the server handles at a time are under way: try again later")]
     Busy,
+    #[error("{reason}: send it faster")]
+    Slow { reason: String },
     /// The message names the file in the archive.
     #[error("{reason}")]
     Refused { reason: String },
 }
 
-/// Writes a checkpoint of a map and opens its files. A map that is not loaded is backed up as it is on disk.
+/// Writes a checkpoint of a map and opens its files. A map that is not loaded is backed up as it is on disk. The
+/// permit is to be kept until the backup is written.
 ///
 /// # Errors
 /// [`BackupError`].
-pub(crate) async fn backup(maps: &RecordedMaps, name: &str) -> Result<Backup, BackupError> {
+pub(crate) async fn backup(
+    maps: &RecordedMaps,
+    name: &str,
+) -> Result<(Backup, OwnedSemaphorePermit), BackupError> {
+    let Ok(place) = maps.backups().try_acquire_owned() else { return Err(BackupError::Busy) };
     match maps.get(name) {
         Ok(map) => {
             if let Err(reason) = save::save(maps, &map).await {
@@ -45,14 +51,14 @@ pub(crate) async fn backup(maps: &RecordedMaps, name: &str) -> Result<Backup, Ba
     let opened = tokio::task::spawn_blocking(move || store.backup(&map)).await;
     let opened = opened.map_err(|_| MapsError::Panicked)?.map_err(MapsError::from)?;
     match opened {
-        Some(backup) => Ok(backup),
+        Some(backup) => Ok((backup, place)),
         None if maps.store().is_recording() => Err(BackupError::Empty { name: name.to_owned() }),
         None => Err(BackupError::NotRecorded),
     }
 }
 
 /// Puts a backup in place as a map of a name that is free; then it is loaded. Nothing is changed if the
-/// backup is damaged.
+/// backup is damaged, there is no room for it, or there are as many maps as there may be.
 ///
 /// # Errors
 /// [`BackupError`].
@@ -60,7 +66,7 @@ pub(crate) async fn restore(
     maps: &RecordedMaps,
     name: &str,
     tar: impl Read + Send + 'static,
-) -> Result<(), BackupError> {
+) -> Result<Unpacked, BackupError> {
     check_name(name).map_err(MapsError::from)?;
     let Ok(place) = maps.restores().try_acquire_owned() else { return Err(BackupError::Busy) };
     let reserved = maps.reserve(name)?;
@@ -68,16 +74,17 @@ pub(crate) async fn restore(
     // To the end even if the caller is gone, so that the name is free or has a map.
     let restored = tokio::task::spawn_blocking(move || {
         let restored = store.restore(&map, tar);
-        if matches!(restored, Ok(true)) {
+        if matches!(restored, Ok(Some(_))) {
             reserved.fill();
         }
         drop(place);
         restored
     });
     match restored.await.map_err(|_| MapsError::Panicked)? {
-        Ok(true) => Ok(()),
-        Ok(false) => Err(BackupError::NotRecorded),
+        Ok(Some(unpacked)) => Ok(unpacked),
+        Ok(None) => Err(BackupError::NotRecorded),
         Err(BackupFault::Store(error)) => Err(MapsError::from(error).into()),
         Err(BackupFault::Refused(reason)) => Err(BackupError::Refused { reason }),
+        Err(fault @ BackupFault::Slow(_)) => Err(BackupError::Slow { reason: fault.to_string() }),
     }
 }

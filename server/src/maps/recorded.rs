@@ -8,12 +8,14 @@ use crate::pipeline::engine::Engine;
 use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};
 use crate::store::{Recorder, Store, StoreError, Usage};
 use lexsplat_proto::v1;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
 
-/// Restores at a time: each has a thread that waits for the caller.
+/// Backups that are read at a time: each has a thread that waits for the caller.
+const BACKUPS: usize = 4;
+/// Backups that are put in place at a time, likewise.
 const RESTORES: usize = 2;
 /// Between two looks at a map that is being loaded.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
@@ -28,7 +30,9 @@ pub(crate) struct RecordedMaps {
     saved: Arc<Mutex<BTreeMap<String, State>>>,
     /// How long callers wait for a map that is being loaded.
     patience: Duration,
-    /// Places for restores.
+    /// Places for backups that are read.
+    backups: Arc<Semaphore>,
+    /// Places for backups that are put in place.
     restores: Arc<Semaphore>,
 }
 
@@ -59,8 +63,10 @@ pub(crate) struct Recording {
 impl RecordedMaps {
     pub(crate) fn new(engine: Arc<Engine>, store: Store) -> Self {
         let patience = Duration::ZERO;
-        let restores = Arc::new(Semaphore::new(RESTORES));
-        Self { engine, store, places: Arc::default(), saved: Arc::default(), patience, restores }
+        let [backups, restores] =
+            [BACKUPS, RESTORES].map(|places| Arc::new(Semaphore::new(places)));
+        let (places, saved) = (Arc::default(), Arc::default());
+        Self { engine, store, places, saved, patience, backups, restores }
     }
 
     /// The same, where callers wait so long for a map that is being loaded.
@@ -68,7 +74,12 @@ impl RecordedMaps {
         Self { patience, ..self }
     }
 
-    /// Places for restores.
+    /// Places for backups that are read.
+    pub(super) fn backups(&self) -> Arc<Semaphore> {
+        self.backups.clone()
+    }
+
+    /// Places for backups that are put in place.
     pub(super) fn restores(&self) -> Arc<Semaphore> {
         self.restores.clone()
     }
@@ -97,13 +108,32 @@ impl RecordedMaps {
     /// Takes a name that no map has, for one that will be put there.
     ///
     /// # Errors
-    /// [`MapError::AlreadyExists`].
+    /// [`MapError::AlreadyExists`], [`MapError::TooMany`].
     pub(super) fn reserve(&self, name: &str) -> Result<Reserved, MapsError> {
         let reserved = self.places.reserve(name)?;
         if self.engine.map(name).is_ok() || self.store.has(name) {
             return Err(MapError::AlreadyExists { name: name.to_owned() }.into());
         }
+        self.expect_place(name)?;
         Ok(reserved)
+    }
+
+    /// The same, unless the map is there: maps that are not loaded yet keep their places.
+    fn expect_place_for_new(&self, name: &str) -> Result<(), MapError> {
+        self.engine.map(name).map(drop).or_else(|_| self.expect_place(name))
+    }
+
+    /// Checks that a map may be there beside all others, loaded or not.
+    ///
+    /// # Errors
+    /// [`MapError::TooMany`].
+    fn expect_place(&self, name: &str) -> Result<(), MapError> {
+        let limit = self.engine.max_maps();
+        let live = self.engine.maps().into_iter().map(|map| map.name().to_owned());
+        let coming = self.places.all().into_iter();
+        let coming = coming.filter_map(|(name, place)| place.progress().map(|_| name));
+        let names: BTreeSet<String> = live.chain(coming).chain([name.to_owned()]).collect();
+        if names.len() > limit { Err(MapError::TooMany { limit }) } else { Ok(()) }
     }
 
     /// The map called `name`. One that waits is loaded before those that nobody asked for.
@@ -220,6 +250,7 @@ impl RecordedMaps {
     /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps.
     pub(crate) async fn create(&self, name: &str) -> Result<Arc<Map>, MapsError> {
         self.places.expect_loaded(name)?;
+        self.expect_place_for_new(name)?;
         let name = name.to_owned();
         self.blocking(move |engine| engine.create(&name)).await
     }
@@ -263,6 +294,7 @@ impl RecordedMaps {
         opening: &Opening,
     ) -> Result<Recording, MapsError> {
         self.expect_loaded(&open.map).await?;
+        self.expect_place_for_new(&open.map)?;
         let name = open.map.clone();
         let map = self.blocking(move |engine| engine.open(&name)).await?;
         let sender = map.claim(opening.intrinsics)?;

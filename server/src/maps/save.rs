@@ -2,7 +2,7 @@
 
 use super::recorded::RecordedMaps;
 use crate::pipeline::map::Map;
-use crate::store::Label;
+use crate::store::{Label, StoreError};
 use crate::telemetry::CHECKPOINT_SECONDS;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
@@ -24,13 +24,12 @@ pub(crate) async fn save_every(maps: RecordedMaps, pause: Duration, stopping: Ca
 /// its frames are in the recording.
 pub(crate) async fn save_all(maps: &RecordedMaps) {
     for map in maps.engine().maps() {
-        if let Err(reason) = save(maps, &map).await {
-            tracing::error!(map = map.name(), reason, "cannot write a checkpoint");
-        }
+        // It was told, and is tried again.
+        let _ = save(maps, &map).await;
     }
 }
 
-/// Writes a checkpoint of a map if it changed since the last one.
+/// Writes a checkpoint of a map if it changed since the last one. If that is not possible, the log says so.
 ///
 /// # Errors
 /// The reason, without a path of the server.
@@ -44,7 +43,9 @@ pub(crate) async fn save(maps: &RecordedMaps, map: &Map) -> Result<(), String> {
         return Ok(());
     }
     let began = Instant::now();
-    let saved = map.save().await?;
+    let saved = map.save().await.inspect_err(|reason| {
+        tracing::error!(map = map.name(), reason, "cannot write a checkpoint");
+    })?;
     let Some(through) = saved.through() else { return Ok(()) };
     let fingerprint = maps.engine().fingerprint().to_owned();
     let label = Label { map: map.name().to_owned(), fingerprint, through, frames: saved.frames() };
@@ -54,7 +55,10 @@ pub(crate) async fn save(maps: &RecordedMaps, map: &Map) -> Result<(), String> {
     });
     let written = written.await.map_err(|_| "writing panicked".to_owned())?;
     let bytes = written.map_err(|error| {
-        tracing::error!(map = map.name(), %error, "cannot write a checkpoint");
+        // Little room is told once, with the other warnings of the store.
+        if !matches!(error, StoreError::Quota { .. }) {
+            tracing::error!(map = map.name(), %error, "cannot write a checkpoint");
+        }
         error.reason()
     })?;
     let seconds = began.elapsed();

@@ -1,6 +1,6 @@
 //! Settings of connections: sections `server.tls` and `connections`.
 
-use crate::pipeline::range::{OutOfRange, at_least};
+use crate::pipeline::range::{DAY, OutOfRange, within};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -17,6 +17,11 @@ pub struct TlsConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub client_ca: Option<PathBuf>,
 }
+
+/// Most connections that can be set.
+const MAX_CONNECTIONS: usize = 1 << 20;
+/// Most requests at a time on one connection that can be set.
+const MAX_REQUESTS: u32 = 1 << 16;
 
 /// Limits on connections, section `connections`. They hold for each port by itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -62,14 +67,14 @@ impl ConnectionsConfig {
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
     pub(crate) fn check(&self) -> Result<(), OutOfRange> {
-        at_least("connections.max", self.max, 1)?;
-        at_least("connections.max_requests", self.max_requests, 1)?;
-        at_least("connections.header_seconds", self.header_seconds, 1)?;
-        at_least("connections.body_seconds", self.body_seconds, 1)?;
-        at_least("connections.idle_seconds", self.idle_seconds, 1)?;
-        at_least("connections.write_seconds", self.write_seconds, 1)?;
-        at_least("connections.keepalive_seconds", self.keepalive_seconds, 1)?;
-        at_least("connections.keepalive_timeout_seconds", self.keepalive_timeout_seconds, 1)
+        within("connections.max", self.max, 1..=MAX_CONNECTIONS)?;
+        within("connections.max_requests", self.max_requests, 1..=MAX_REQUESTS)?;
+        within("connections.header_seconds", self.header_seconds, 1..=DAY)?;
+        within("connections.body_seconds", self.body_seconds, 1..=DAY)?;
+        within("connections.idle_seconds", self.idle_seconds, 1..=DAY)?;
+        within("connections.write_seconds", self.write_seconds, 1..=DAY)?;
+        within("connections.keepalive_seconds", self.keepalive_seconds, 1..=DAY)?;
+        within("connections.keepalive_timeout_seconds", self.keepalive_timeout_seconds, 1..=DAY)
     }
 }
 

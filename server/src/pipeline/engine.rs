@@ -10,7 +10,7 @@ use super::mapper::MapperConfig;
 use super::network::{Bundle, BundleError};
 use super::query::{
     self, Answer, Client, Mesh, Query, QueryConfig, QueryError, QueryThread, RenderRequest,
-    RenderedImage, Segmentation, SegmentationRequest,
+    RenderedImage, Segmentation, SegmentationRequest, Turns,
 };
 use super::snapshot::MapSnapshot;
 use super::tracker::TrackerConfig;
@@ -71,8 +71,8 @@ pub struct Engine {
     query: QueryThread,
     maps: Mutex<BTreeMap<String, Running>>,
     creating: Mutex<()>,
-    /// Held while a mesh is made: one at a time, because each takes much memory and all cores.
-    meshing: tokio::sync::Mutex<()>,
+    /// Meshes are made one at a time, because each takes much memory and all cores.
+    meshing: Turns,
 }
 
 impl Engine {
@@ -88,6 +88,7 @@ impl Engine {
         let (vision, text) = bundle.split();
         let query = QueryThread::start(gpu.clone(), text, &config.query)?;
         let embed = query.embedder();
+        let meshing = Turns::new(config.query.queue);
         let language = Arc::new(LanguageThread::start(vision, embed, &config.language)?);
         Ok(Self {
             config,
@@ -98,7 +99,7 @@ impl Engine {
             query,
             maps: Mutex::default(),
             creating: Mutex::default(),
-            meshing: tokio::sync::Mutex::default(),
+            meshing,
         })
     }
 
@@ -110,6 +111,11 @@ impl Engine {
     /// The bundle's name.
     pub fn bundle(&self) -> &str {
         &self.bundle_name
+    }
+
+    /// How many maps there may be.
+    pub fn max_maps(&self) -> usize {
+        self.config.mapper.max_maps
     }
 
     /// A digest of all that decides what a map becomes, beside its frames: the program's version, the bundle
@@ -144,7 +150,7 @@ impl Engine {
         // One map at a time, so that its name stays free while its thread starts. That takes a second, during
         // which the list of maps stays readable.
         let _turn = self.creating.lock().expect("no thread panics while it makes a map");
-        let limit = self.config.mapper.max_maps;
+        let limit = self.max_maps();
         {
             let maps = self.locked();
             if maps.contains_key(name) {
@@ -225,7 +231,7 @@ impl Engine {
         snapshot: Arc<MapSnapshot>,
         query: Query,
     ) -> Result<Answer, QueryError> {
-        self.query.ask(&Client::server(), snapshot, query).await
+        self.query.ask(&Client::Server, snapshot, query).await
     }
 
     /// Compares several texts with each other in a snapshot.
@@ -241,24 +247,25 @@ impl Engine {
         self.query.segment(client, snapshot, request).await
     }
 
-    /// Renders the map's newest snapshot.
+    /// Renders a snapshot.
     ///
     /// # Errors
     /// [`QueryError`] names what is wrong with the request.
     pub async fn render(
         &self,
         client: &Client,
-        map: &Map,
+        snapshot: Arc<MapSnapshot>,
         request: RenderRequest,
     ) -> Result<RenderedImage, QueryError> {
-        self.query.render(client, map.snapshot(), request).await
+        self.query.render(client, snapshot, request).await
     }
 
     /// Makes a mesh of a snapshot, with the relevancy of each vertex if there is a question. Dropping the
     /// future cancels it.
     ///
     /// # Errors
-    /// [`QueryError`] names what is wrong with the voxel or the question.
+    /// [`QueryError`] names what is wrong with the voxel or the question; [`QueryError::TooMany`] if the client
+    /// waits for too many meshes already.
     pub async fn mesh(
         &self,
         client: &Client,
@@ -266,7 +273,7 @@ impl Engine {
         voxel_metres: f32,
         question: Option<Query>,
     ) -> Result<Mesh, QueryError> {
-        let _turn = self.meshing.lock().await;
+        let _turn = self.meshing.wait(client).await?;
         let mut mesh = query::mesh(self.gpu.clone(), snapshot.clone(), voxel_metres).await?;
         if let Some(question) = question {
             let codes = mesh.codes.clone();

@@ -6,6 +6,19 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
+/// The longest time that can be set: a day, seconds.
+pub(crate) const DAY: u64 = 24 * 3600;
+/// Most things that can wait in a queue or stay in a cache.
+pub(crate) const MAX_KEPT: usize = 1 << 16;
+/// Most steps, keyframes or other things that are counted and take time.
+pub(crate) const MAX_COUNT: usize = 1_000_000;
+/// Most pixels of an image.
+pub(crate) const MAX_PIXELS: u64 = 1 << 30;
+/// Most columns of an image.
+pub(crate) const MAX_COLUMNS: u32 = 1 << 14;
+/// Most bytes of what stays in memory: a tebibyte.
+pub(crate) const MAX_BYTES: usize = 1 << 40;
+
 /// A setting outside its permitted range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key} is {found}: expected {expected}")]

@@ -13,8 +13,10 @@
 //!
 //! A file appears under its name when it is on disk as a whole. Then older ones are removed.
 
+use super::directory::BEING_WRITTEN;
 use super::disk::{Disk, DiskFile};
 use super::error::StoreError;
+use super::room::{Reservation, Room};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::fs::File;
@@ -25,12 +27,12 @@ const MAGIC: &[u8; 8] = b"LXSPCKPT";
 const VERSION: u32 = 1;
 const PREFIX: &str = "checkpoint-";
 const ENDING: &str = ".lexsplat";
-/// Ending of a file that is being written.
-const UNFINISHED: &str = ".unfinished";
 const CHECKSUM_BYTES: u64 = 32;
 const MAX_LABEL_BYTES: u32 = 1 << 16;
 /// Pictures hardly become smaller with a higher level, and a restart should be fast.
 const LEVEL: i32 = 1;
+/// Bytes that are written at once.
+const BLOCK: usize = 256 << 10;
 
 /// What a checkpoint is of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -97,28 +99,35 @@ fn numbered(folder: &Path, ending: &str) -> Result<Vec<(u64, PathBuf)>, StoreErr
 /// of the file.
 ///
 /// # Errors
-/// [`StoreError::Io`]; then the older checkpoints are as they were.
+/// [`StoreError::Io`], [`StoreError::Quota`]; then the older checkpoints are as they were.
 pub(super) fn write(
     disk: &dyn Disk,
     folder: &Path,
+    room: &Room,
     label: &Label,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<u64, StoreError> {
-    for (_, left) in numbered(folder, &format!("{ENDING}{UNFINISHED}"))? {
+    for (_, left) in numbered(folder, &format!("{ENDING}{BEING_WRITTEN}"))? {
         disk.remove(&left).map_err(|reason| StoreError::io("remove", &left, reason))?;
     }
     let older = list(folder)?;
     let newest = numbered(folder, ENDING)?.into_iter().map(|(number, _)| number).max();
     let name = format!("{PREFIX}{:04}{ENDING}", newest.unwrap_or(0) + 1);
-    let (path, unfinished) = (folder.join(&name), folder.join(format!("{name}{UNFINISHED}")));
+    let (path, unfinished) = (folder.join(&name), folder.join(format!("{name}{BEING_WRITTEN}")));
     let io = |reason| StoreError::io("write", &path, reason);
-    let written = disk.create(&unfinished).and_then(|file| write_file(file, label, write));
+    let replaced = older.iter().filter_map(|path| Some(path.metadata().ok()?.len())).sum();
+    let mut refused = None;
+    let mut reserved = room.reserve_checkpoint(&label.map, replaced);
+    let written = disk.create(&unfinished).and_then(|file| {
+        let (reserved, refused) = (&mut reserved, &mut refused);
+        write_file(Reserving { file, reserved, refused }, label, write)
+    });
     let renamed = written.and_then(|bytes| disk.rename(&unfinished, &path).map(|()| bytes));
     let bytes = renamed.inspect_err(|_| {
         // The disk may be full: a part of a file would take the last room.
         let _ = disk.remove(&unfinished);
     });
-    let bytes = bytes.map_err(io)?;
+    let bytes = bytes.map_err(|reason| refused.unwrap_or_else(|| io(reason)))?;
     disk.sync_folder(folder).map_err(io)?;
     for old in older {
         disk.remove(&old).map_err(|reason| StoreError::io("remove", &old, reason))?;
@@ -126,12 +135,36 @@ pub(super) fn write(
     Ok(bytes)
 }
 
-fn write_file(
+/// A file that may only grow while there is room.
+struct Reserving<'a, 'room> {
     file: Box<dyn DiskFile>,
+    reserved: &'a mut Reservation<'room>,
+    /// Why there is none.
+    refused: &'a mut Option<StoreError>,
+}
+
+impl Write for Reserving<'_, '_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if let Err(error) = self.reserved.grow(bytes.len() as u64) {
+            *self.refused = Some(error);
+            return Err(std::io::ErrorKind::QuotaExceeded.into());
+        }
+        self.file.write_all(bytes)?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+fn write_file(
+    file: Reserving<'_, '_>,
     label: &Label,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> std::io::Result<u64> {
-    let mut out = Hashing { inner: BufWriter::new(file), hash: Sha256::new(), bytes: 0 };
+    let mut out =
+        Hashing { inner: BufWriter::with_capacity(BLOCK, file), hash: Sha256::new(), bytes: 0 };
     let label = serde_json::to_vec(label)?;
     out.write_all(MAGIC)?;
     out.write_all(&VERSION.to_le_bytes())?;
@@ -143,7 +176,7 @@ fn write_file(
     let Hashing { inner: mut file, hash, bytes } = out;
     file.write_all(&hash.finalize())?;
     let file = file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
-    file.sync()?;
+    file.file.sync()?;
     Ok(bytes + CHECKSUM_BYTES)
 }
 
@@ -240,6 +273,7 @@ impl<T: Read> Read for Hashing<T> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::config::RecordingConfig;
     use super::super::disk::RealDisk;
     use super::*;
 
@@ -247,8 +281,12 @@ mod tests {
         Label { map: "kitchen".into(), fingerprint: "f".into(), through, frames: through + 1 }
     }
 
+    fn room(folder: &Path, max_bytes: u64) -> Room {
+        Room::new(folder, RecordingConfig { max_bytes, ..RecordingConfig::default() })
+    }
+
     fn save(folder: &Path, through: u64, state: &[u8]) -> Result<u64, StoreError> {
-        write(&RealDisk, folder, &label(through), |out| out.write_all(state))
+        write(&RealDisk, folder, &room(folder, 0), &label(through), |out| out.write_all(state))
     }
 
     fn load(path: &Path) -> Result<(Label, Vec<u8>), CheckpointFault> {
@@ -290,7 +328,14 @@ mod tests {
             out.write_all(&[1; 1000])?;
             Err(std::io::Error::from(std::io::ErrorKind::StorageFull))
         };
-        assert!(write(&RealDisk, folder.path(), &label(4), full).is_err());
+        let unlimited = room(folder.path(), 0);
+        assert!(write(&RealDisk, folder.path(), &unlimited, &label(4), full).is_err());
+        let noise: Vec<u8> =
+            (0..9000u64).map(|at| ((at * at * 2_654_435_761) >> 24) as u8).collect();
+        let large = |out: &mut dyn Write| out.write_all(&noise);
+        let refused = write(&RealDisk, folder.path(), &room(folder.path(), 1000), &label(4), large);
+        let refused = refused.unwrap_err().to_string();
+        assert!(refused.contains("recording.max_bytes"), "{refused}");
         assert_eq!(names(folder.path()), ["checkpoint-0001.lexsplat"]);
         assert_eq!(load(&list(folder.path()).unwrap()[0]).unwrap().1, b"good");
         // What a crash left is removed by the next one.

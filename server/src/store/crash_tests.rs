@@ -167,7 +167,8 @@ impl History {
         let Some(through) = self.promised.durable.last().copied() else { return };
         let label = Label { map: MAP.into(), fingerprint: "same".into(), through, frames: 1 };
         let folder = directory.map(MAP);
-        let saved = checkpoints::write(&**directory.disk(), &folder, &label, |out| {
+        let room = Room::new(&folder, RecordingConfig::default());
+        let saved = checkpoints::write(&**directory.disk(), &folder, &room, &label, |out| {
             out.write_all(&state(through))
         });
         if saved.is_ok() {

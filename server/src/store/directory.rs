@@ -20,8 +20,8 @@ const LOCK: &str = "lexsplat.lock";
 const MAP: &str = ".map";
 /// Ending of the folder of a map that was deleted.
 const DELETED: &str = ".map.deleted";
-/// Ending of the folder of a backup that is being put in place.
-const UNFINISHED: &str = ".map.unfinished";
+/// Ending of what is being written: a checkpoint, or the folder of a backup that is being put in place.
+pub(super) const BEING_WRITTEN: &str = ".unfinished";
 
 /// A data directory that this server alone uses, until it is dropped or the process ends.
 pub(super) struct Directory {
@@ -40,7 +40,8 @@ impl Directory {
         std::fs::create_dir_all(path).map_err(io("create the data directory"))?;
         let lock = locked(path)?;
         let directory = Self { disk, path: path.to_owned(), _lock: lock };
-        for (_, folder) in folders(path, DELETED)?.into_iter().chain(folders(path, UNFINISHED)?) {
+        let unfinished = folders(path, &format!("{MAP}{BEING_WRITTEN}"))?;
+        for (_, folder) in folders(path, DELETED)?.into_iter().chain(unfinished) {
             directory.disk.remove_folder(&folder).map_err(io("remove a deleted map from"))?;
         }
         Ok(directory)
@@ -61,7 +62,7 @@ impl Directory {
 
     /// The folder of a map that is not complete yet.
     pub(super) fn unfinished(&self, name: &str) -> PathBuf {
-        self.path.join(format!("{name}{UNFINISHED}"))
+        self.path.join(format!("{name}{MAP}{BEING_WRITTEN}"))
     }
 
     /// Makes an unfinished folder, whose files are on disk, the folder of a map, which must have none.

@@ -24,12 +24,14 @@ pub enum StoreError {
     #[error("cannot write to the recording {path}: {}", said(.reason))]
     Mcap { path: PathBuf, reason: Arc<mcap::McapError> },
     /// A quota is used up.
-    #[error("{} ({key}): delete maps, or raise the limit", quota(*.used, *.most))]
+    #[error("{} ({key}): delete maps, or raise the limit", quota(*.used, *.wanted, *.most))]
     Quota {
         /// The setting.
         key: &'static str,
         /// Bytes.
         used: u64,
+        /// Bytes that do not fit.
+        wanted: u64,
         /// Bytes.
         most: u64,
     },
@@ -47,9 +49,10 @@ fn said(error: &mcap::McapError) -> String {
     error.to_string()
 }
 
-fn quota(used: u64, most: u64) -> String {
+fn quota(used: u64, wanted: u64, most: u64) -> String {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    format!("{:.1} of {:.1} MiB are used", mib(used), mib(most))
+    let (used, wanted, most) = (mib(used), mib(wanted), mib(most));
+    format!("{used:.2} of {most:.2} MiB are used, and {wanted:.2} MiB more are needed")
 }
 
 impl StoreError {

@@ -11,6 +11,7 @@
 
 mod backup;
 mod checkpoints;
+mod config;
 mod directory;
 mod disk;
 mod error;
@@ -21,13 +22,13 @@ mod recording;
 mod room;
 mod writer;
 
-pub(crate) use backup::{Backup, BackupFault};
+pub(crate) use backup::{Backup, BackupFault, Unpacked};
 pub(crate) use checkpoints::{CheckpointFault, CheckpointReader, Label};
+pub use config::RecordingConfig;
 pub(crate) use error::StoreError;
 pub(crate) use examine::{MapReport, examine};
 pub(crate) use reader::{Damage, Entry};
 pub(crate) use recording::{Recorder, Records};
-pub use room::RecordingConfig;
 pub(crate) use room::Usage;
 
 use directory::Directory;
@@ -159,14 +160,17 @@ impl Store {
     /// Writes a checkpoint of a map and removes older ones. Returns its bytes; `None` if nothing is recorded.
     ///
     /// # Errors
-    /// [`StoreError::Io`]; then the older checkpoints are as they were.
+    /// [`StoreError::Io`], [`StoreError::Quota`]; then the older checkpoints are as they were.
     pub(crate) fn save(
         &self,
         label: &Label,
         write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<Option<u64>, StoreError> {
-        let Some(directory) = &self.directory else { return Ok(None) };
-        checkpoints::write(&**directory.disk(), &directory.map(&label.map), label, write).map(Some)
+        let (Some(directory), Some(room)) = (&self.directory, &self.room) else { return Ok(None) };
+        let folder = directory.map(&label.map);
+        let written = checkpoints::write(&**directory.disk(), &folder, room, label, write);
+        room.note_checkpoint(&label.map, &written);
+        written.map(Some)
     }
 
     /// The checkpoints of a map, newest first.
@@ -192,16 +196,22 @@ impl Store {
     }
 
     /// Unpacks a backup, checks it, and makes it the folder of a map that has none; as a whole or not at
-    /// all. Returns `false` if nothing is recorded here.
+    /// all. Returns `None` if nothing is recorded here.
     ///
     /// # Errors
     /// [`BackupFault`].
-    pub(crate) fn restore(&self, map: &str, tar: impl Read) -> Result<bool, BackupFault> {
-        let (Some(directory), Some(room)) = (&self.directory, &self.room) else { return Ok(false) };
-        room.admit(map)?;
-        backup::unpack(&**directory.disk(), &directory.unfinished(map), tar)?;
+    pub(crate) fn restore(
+        &self,
+        map: &str,
+        tar: impl Read,
+    ) -> Result<Option<Unpacked>, BackupFault> {
+        let (Some(directory), Some(room)) = (&self.directory, &self.room) else { return Ok(None) };
+        let (disk, folder) = (&**directory.disk(), directory.unfinished(map));
+        let mut reserved = room.reserve(map);
+        let unpacked = backup::unpack(disk, &folder, &mut reserved, tar)?;
+        // Until then the files count as reserved.
         directory.finish(map)?;
-        Ok(true)
+        Ok(Some(unpacked))
     }
 
     /// Files of a map's recording that were damaged and set aside.
@@ -215,6 +225,8 @@ impl Store {
     }
 }
 
+#[cfg(test)]
+mod backup_tests;
 #[cfg(test)]
 mod crash_model;
 #[cfg(test)]

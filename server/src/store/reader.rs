@@ -174,6 +174,9 @@ impl Reader {
         let Some(end) = end.filter(|end| *end <= self.bytes) else {
             return self.too_long(code, length);
         };
+        if length > LONGEST_RECORD {
+            return Ok(Found::Damaged);
+        }
         let found = match code {
             op::HEADER | op::CHUNK | op::MESSAGE_INDEX | op::DATA_END => {
                 let body = self.read(self.at + RECORD_HEADER, length as usize)?;
@@ -213,6 +216,10 @@ impl Reader {
         while start + wanted as u64 <= self.bytes {
             let block = self.read(start, BLOCK.min((self.bytes - start) as usize))?;
             let looks_whole = |offset: &usize| {
+                // Nearly all bytes are no beginning.
+                if block[*offset] != op::CHUNK {
+                    return false;
+                }
                 let (code, length) = record_header(&block[*offset..]);
                 let end = (start + *offset as u64 + RECORD_HEADER).checked_add(length);
                 let header = &block[*offset + RECORD_HEADER as usize..][..CHUNK_HEADER];

@@ -6,6 +6,7 @@ use super::reader::{Entry, Reader};
 use super::room::Room;
 use super::writer::Writer;
 use lexsplat_proto::v1::{self, frame_message::Message};
+use prost::Message as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -102,7 +103,8 @@ impl Recorder {
             return Err(StoreError::Closed { path: self.folder.to_path_buf() });
         }
         let map = &self.open.map;
-        let appended = self.room.admit(map).and_then(|()| self.write(frame));
+        let bytes = frame.encoded_len() as u64;
+        let appended = self.room.admit(map, bytes).and_then(|()| self.write(frame));
         self.room.note(map, &appended);
         appended
     }

@@ -1,52 +1,18 @@
 //! How much room recordings have: quotas, and the space that is left on the disk.
 //!
-//! The disk is asked, at most once a second. So a quota can be exceeded by the frames of a second.
+//! The disk is asked, at most once a second. In between, what is written is added to what was seen.
 
-use super::directory::maps_in;
+use super::config::RecordingConfig;
+use super::directory::{BEING_WRITTEN, maps_in};
 use super::error::StoreError;
-use crate::pipeline::range::OutOfRange;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fs::DirEntry;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How long a look at the disk is believed.
 const BELIEVED: Duration = Duration::from_secs(1);
-
-/// Limits on the data directory, section `recording`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RecordingConfig {
-    /// Bytes that all maps may have in the data directory; 0: no limit.
-    pub max_bytes: u64,
-    /// Bytes that one map may have there; 0: no limit.
-    pub max_map_bytes: u64,
-    /// Below this many free bytes, on the disk or below `max_bytes`, the server warns.
-    pub low_bytes: u64,
-}
-
-impl Default for RecordingConfig {
-    fn default() -> Self {
-        Self { max_bytes: 0, max_map_bytes: 0, low_bytes: 1 << 30 }
-    }
-}
-
-impl RecordingConfig {
-    /// Checks that the limits fit together.
-    ///
-    /// # Errors
-    /// [`OutOfRange`] names the first key that is out of range.
-    pub(crate) fn check(&self) -> Result<(), OutOfRange> {
-        let Self { max_bytes, max_map_bytes, .. } = *self;
-        crate::pipeline::range::require(
-            max_bytes == 0 || max_map_bytes <= max_bytes,
-            "recording.max_map_bytes",
-            max_map_bytes,
-            format!("at most recording.max_bytes, which is {max_bytes}"),
-        )
-    }
-}
 
 /// What is used and what is left, bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -75,25 +41,41 @@ impl Usage {
     }
 }
 
-/// Bytes of the files in a folder. Files that vanish meanwhile do not count.
+/// Bytes of the files in a folder. Files that vanish meanwhile do not count, nor does a checkpoint that is being
+/// written: its [`Reservation`] does.
 fn bytes_in(folder: &Path) -> std::io::Result<u64> {
-    let entries = std::fs::read_dir(folder)?;
-    Ok(entries.filter_map(|entry| Some(entry.ok()?.metadata().ok()?.len())).sum())
+    let is_finished = |entry: &DirEntry| {
+        !entry.file_name().to_str().is_some_and(|name| name.ends_with(BEING_WRITTEN))
+    };
+    let entries = std::fs::read_dir(folder)?.filter_map(Result::ok).filter(is_finished);
+    Ok(entries.filter_map(|entry| Some(entry.metadata().ok()?.len())).sum())
 }
 
 /// Watches the room of a data directory.
 pub(super) struct Room {
     directory: PathBuf,
     limits: RecordingConfig,
-    seen: Mutex<Option<(Instant, Usage)>>,
+    used: Mutex<Used>,
     /// Why frames of a map cannot be recorded at present, by its name.
     failing: Mutex<BTreeMap<String, String>>,
+    /// Why no checkpoint of a map can be written at present, by its name.
+    unsaved: Mutex<BTreeMap<String, String>>,
+}
+
+/// What is known of the bytes in the directory.
+#[derive(Default)]
+struct Used {
+    /// The newest look at the disk, with the frames that were admitted since.
+    seen: Option<(Instant, Usage)>,
+    /// Bytes of each map that are being written beside its finished files.
+    reserved: BTreeMap<String, u64>,
 }
 
 impl Room {
     pub(super) fn new(directory: &Path, limits: RecordingConfig) -> Self {
-        let (seen, failing) = (Mutex::default(), Mutex::default());
-        Self { directory: directory.to_owned(), limits, seen, failing }
+        let used = Mutex::default();
+        let (failing, unsaved) = (Mutex::default(), Mutex::default());
+        Self { directory: directory.to_owned(), limits, used, failing, unsaved }
     }
 
     /// What is used and what is left.
@@ -101,59 +83,118 @@ impl Room {
     /// # Errors
     /// [`StoreError::Io`] if the disk cannot be asked.
     pub(super) fn usage(&self) -> Result<Usage, StoreError> {
-        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((when, usage)) = &*seen
-            && when.elapsed() < BELIEVED
-        {
-            return Ok(usage.clone());
+        let mut used = locked(&self.used);
+        let mut usage = self.look(&mut used)?.clone();
+        for (map, bytes) in &used.reserved {
+            *usage.maps.entry(map.clone()).or_default() += bytes;
         }
-        let usage = Usage::of(&self.directory)
-            .map_err(|reason| StoreError::io("measure", &self.directory, reason))?;
-        *seen = Some((Instant::now(), usage.clone()));
         Ok(usage)
     }
 
-    /// Checks that a map may have more.
+    /// What the disk had at the newest look, which is a second old at most.
+    fn look<'a>(&self, used: &'a mut Used) -> Result<&'a mut Usage, StoreError> {
+        let seen = used.seen.take().filter(|(when, _)| when.elapsed() < BELIEVED);
+        let seen = match seen {
+            Some(seen) => seen,
+            None => {
+                let usage = Usage::of(&self.directory)
+                    .map_err(|reason| StoreError::io("measure", &self.directory, reason))?;
+                (Instant::now(), usage)
+            }
+        };
+        Ok(&mut used.seen.insert(seen).1)
+    }
+
+    /// Checks that a map may have so many bytes more, where so many will be removed.
     ///
     /// # Errors
     /// [`StoreError::Quota`], [`StoreError::Io`].
-    pub(super) fn admit(&self, map: &str) -> Result<(), StoreError> {
+    fn check(
+        &self,
+        used: &mut Used,
+        map: &str,
+        wanted: u64,
+        removed: u64,
+    ) -> Result<(), StoreError> {
         let RecordingConfig { max_bytes, max_map_bytes, .. } = self.limits;
-        if max_bytes == 0 && max_map_bytes == 0 {
+        let usage = self.look(used)?;
+        let (of_map, of_all) = (usage.maps.get(map).copied().unwrap_or_default(), usage.total());
+        let reserved = used.reserved.get(map).copied().unwrap_or_default();
+        let full = |key, used: u64, most: u64| {
+            let used = used.saturating_sub(removed);
+            (most > 0 && used.saturating_add(wanted) > most).then_some(StoreError::Quota {
+                key,
+                used,
+                wanted,
+                most,
+            })
+        };
+        let full =
+            full("recording.max_map_bytes", of_map + reserved, max_map_bytes).or_else(|| {
+                full("recording.max_bytes", of_all + used.reserved.values().sum::<u64>(), max_bytes)
+            });
+        full.map_or(Ok(()), Err)
+    }
+
+    /// Checks that a frame of so many bytes can be added to a map, and counts it.
+    ///
+    /// # Errors
+    /// [`StoreError::Quota`], [`StoreError::Io`].
+    pub(super) fn admit(&self, map: &str, bytes: u64) -> Result<(), StoreError> {
+        if !self.is_limited() {
             return Ok(());
         }
-        let usage = self.usage()?;
-        let of_map = usage.maps.get(map).copied().unwrap_or_default();
-        let full = |key, used: u64, most: u64| {
-            (most > 0 && used >= most).then_some(StoreError::Quota { key, used, most })
-        };
-        let full = full("recording.max_map_bytes", of_map, max_map_bytes)
-            .or_else(|| full("recording.max_bytes", usage.total(), max_bytes));
-        full.map_or(Ok(()), Err)
+        let mut used = locked(&self.used);
+        self.check(&mut used, map, bytes, 0)?;
+        *self.look(&mut used)?.maps.entry(map.to_owned()).or_default() += bytes;
+        Ok(())
+    }
+
+    /// Room for files of a map that are being written; it grows with them.
+    pub(super) fn reserve(&self, map: &str) -> Reservation<'_> {
+        Reservation { room: self, map: map.to_owned(), bytes: 0, replaced: 0, spare: 0 }
+    }
+
+    /// Room for a checkpoint in the place of older ones of so many bytes. It may take half of what is left, so
+    /// that frames still have room.
+    pub(super) fn reserve_checkpoint(&self, map: &str, replaced: u64) -> Reservation<'_> {
+        Reservation { room: self, map: map.to_owned(), bytes: 0, replaced, spare: 1 }
+    }
+
+    fn is_limited(&self) -> bool {
+        self.limits.max_bytes > 0 || self.limits.max_map_bytes > 0
     }
 
     /// Notes how recording a frame of a map went.
     pub(super) fn note(&self, map: &str, recorded: &Result<(), StoreError>) {
-        let mut failing = self.failing();
-        match recorded {
-            Ok(()) => drop(failing.remove(map)),
-            Err(error) => drop(failing.insert(map.to_owned(), error.reason())),
-        }
+        note(&self.failing, map, recorded.as_ref().err());
+    }
+
+    /// Notes how writing a checkpoint of a map went.
+    pub(super) fn note_checkpoint<T>(&self, map: &str, written: &Result<T, StoreError>) {
+        note(&self.unsaved, map, written.as_ref().err());
     }
 
     /// Forgets a map that was deleted.
     pub(super) fn forget(&self, map: &str) {
-        self.failing().remove(map);
-        *self.seen.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        note(&self.failing, map, None);
+        note(&self.unsaved, map, None);
+        locked(&self.used).seen = None;
     }
 
     /// What is wrong or soon will be, in words.
     pub(super) fn warnings(&self) -> Vec<String> {
-        let failing = self.failing().clone().into_iter();
+        let failing = locked(&self.failing).clone().into_iter();
         let failing =
             failing.map(|(map, reason)| format!("{map}: frames cannot be recorded: {reason}"));
+        let unsaved = locked(&self.unsaved).clone().into_iter();
+        let unsaved = unsaved.map(|(map, reason)| {
+            format!(
+                "{map}: no checkpoint is written, so a restart maps its newer frames again: {reason}"
+            )
+        });
         let low = self.usage().ok().and_then(|usage| self.low(&usage));
-        failing.chain(low).collect()
+        failing.chain(unsaved).chain(low).collect()
     }
 
     fn low(&self, usage: &Usage) -> Option<String> {
@@ -168,16 +209,64 @@ impl Room {
             format!("{mib} MiB are left {of}: make room, or delete maps, before frames are refused")
         })
     }
+}
 
-    fn failing(&self) -> MutexGuard<'_, BTreeMap<String, String>> {
-        self.failing.lock().unwrap_or_else(PoisonError::into_inner)
+/// Room that files take while they are written. When it is dropped, the disk is looked at again.
+pub(super) struct Reservation<'a> {
+    room: &'a Room,
+    map: String,
+    bytes: u64,
+    /// Bytes of files that are removed in the end.
+    replaced: u64,
+    /// How many times the reserved bytes have to be left.
+    spare: u64,
+}
+
+impl Reservation<'_> {
+    /// Takes so many bytes more.
+    ///
+    /// # Errors
+    /// [`StoreError::Quota`], [`StoreError::Io`].
+    pub(super) fn grow(&mut self, bytes: u64) -> Result<(), StoreError> {
+        if !self.room.is_limited() {
+            return Ok(());
+        }
+        let grown = self.bytes.saturating_add(bytes);
+        let wanted = bytes.saturating_add(grown.saturating_mul(self.spare));
+        let mut used = locked(&self.room.used);
+        self.room.check(&mut used, &self.map, wanted, self.replaced)?;
+        *used.reserved.entry(self.map.clone()).or_default() += bytes;
+        self.bytes = grown;
+        Ok(())
     }
+}
+
+impl Drop for Reservation<'_> {
+    fn drop(&mut self) {
+        let mut used = locked(&self.room.used);
+        used.seen = None;
+        if let Some(reserved) = used.reserved.get_mut(&self.map) {
+            *reserved -= self.bytes;
+        }
+        used.reserved.retain(|_, bytes| *bytes > 0);
+    }
+}
+
+fn note(reasons: &Mutex<BTreeMap<String, String>>, map: &str, error: Option<&StoreError>) {
+    let mut reasons = locked(reasons);
+    match error {
+        None => drop(reasons.remove(map)),
+        Some(error) => drop(reasons.insert(map.to_owned(), error.reason())),
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::range::table::assert_checks;
 
     fn room(directory: &Path, limits: RecordingConfig) -> Room {
         for (map, bytes) in [("kitchen", 600), ("hall", 300)] {
@@ -199,15 +288,60 @@ mod tests {
         };
         let unlimited = limits(0, 0);
         assert_eq!(unlimited.usage().unwrap().total(), 900);
-        assert!(unlimited.admit("kitchen").is_ok() && unlimited.admit("new").is_ok());
+        assert!(unlimited.admit("kitchen", 999).is_ok());
         let of_map = limits(0, 500);
-        let refused = of_map.admit("kitchen").unwrap_err().to_string();
+        let refused = of_map.admit("kitchen", 1).unwrap_err().to_string();
         assert!(refused.contains("recording.max_map_bytes"), "{refused}");
-        assert!(of_map.admit("hall").is_ok() && of_map.admit("new").is_ok());
+        assert!(of_map.admit("hall", 200).is_ok() && of_map.admit("new", 500).is_ok());
+        assert!(of_map.admit("hall", 1).is_err(), "what was admitted counts at once");
         let of_all = limits(900, 700);
-        let refused = of_all.admit("new").unwrap_err().to_string();
+        let refused = of_all.admit("new", 1).unwrap_err().to_string();
         assert!(refused.contains("recording.max_bytes"), "{refused}");
-        assert!(limits(901, 700).admit("new").is_ok());
+        assert!(limits(901, 700).admit("new", 1).is_ok());
+    }
+
+    #[test]
+    fn what_is_being_written_counts_until_it_is_there_or_given_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let limits = RecordingConfig { max_bytes: 1000, max_map_bytes: 0, low_bytes: 0 };
+        let room = room(folder.path(), limits);
+        let mut restore = room.reserve("new");
+        restore.grow(60).unwrap();
+        assert_eq!(room.usage().unwrap().maps["new"], 60);
+        assert!(restore.grow(41).is_err());
+        let mut other = room.reserve("other");
+        assert!(other.grow(41).is_err(), "of another restore");
+        assert!(room.admit("kitchen", 41).is_err(), "of a frame");
+        drop(restore);
+        assert_eq!(room.usage().unwrap().total(), 900);
+        other.grow(41).unwrap();
+        room.admit("kitchen", 41).unwrap();
+    }
+
+    #[test]
+    fn a_checkpoint_leaves_room_for_frames() {
+        let folder = tempfile::tempdir().unwrap();
+        let limits = RecordingConfig { max_bytes: 1000, max_map_bytes: 0, low_bytes: 0 };
+        let room = room(folder.path(), limits);
+        assert!(room.reserve_checkpoint("kitchen", 0).grow(51).is_err());
+        let mut first = room.reserve_checkpoint("kitchen", 0);
+        first.grow(30).unwrap();
+        first.grow(20).unwrap();
+        assert!(first.grow(1).is_err(), "more than half of what was left");
+        room.admit("kitchen", 50).unwrap();
+        drop(first);
+        // The older one of 50 bytes is removed in the end.
+        std::fs::write(folder.path().join("kitchen.map/checkpoint-0001.lexsplat"), [0; 50])
+            .unwrap();
+        let mut next = room.reserve_checkpoint("kitchen", 50);
+        next.grow(50).unwrap();
+        assert!(next.grow(1).is_err());
+        let writing = folder.path().join("kitchen.map/checkpoint-0002.lexsplat.unfinished");
+        std::fs::write(writing, [0; 50]).unwrap();
+        drop(next);
+        let mut next = room.reserve_checkpoint("kitchen", 50);
+        next.grow(50).unwrap();
+        assert_eq!(room.usage().unwrap().total(), 1000, "the file is not counted twice");
     }
 
     #[test]
@@ -237,19 +371,5 @@ mod tests {
         assert!(low[0].contains("recording.max_bytes"), "{low:?}");
         let disk = warnings(0, u64::MAX);
         assert!(disk[0].contains("disk"), "{disk:?}");
-    }
-
-    #[test]
-    fn limits_are_checked() {
-        assert_checks(
-            "recording",
-            RecordingConfig::check,
-            &[(
-                "recording.max_map_bytes",
-                |c| (c.max_bytes, c.max_map_bytes) = (10, 11),
-                |c| (c.max_bytes, c.max_map_bytes) = (10, 10),
-            )],
-            &["recording.max_bytes", "recording.low_bytes"],
-        );
     }
 }

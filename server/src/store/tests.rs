@@ -295,3 +295,28 @@ async fn a_file_that_is_there_is_never_removed() {
         assert_eq!(checkpoints::is_one(&name), is_one, "{name} has a next number");
     }
 }
+
+#[test]
+fn a_record_that_is_longer_than_any_frame_is_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("0001.mcap");
+    // A chunk without compression and checksum, whose one record is of an unknown kind: all of it is whole.
+    let chunk_of = |bytes: u64| {
+        let (data, header) = (bytes + 9, 40);
+        let numbers = [0, 0, data].map(u64::to_le_bytes).concat();
+        let length = (header + data).to_le_bytes();
+        [&[6][..], &length, &numbers, &[0; 8], &data.to_le_bytes(), &[0x90], &bytes.to_le_bytes()]
+            .concat()
+    };
+    let entries = |bytes: u64| {
+        let start = [mcap::MAGIC, &chunk_of(bytes)].concat();
+        std::fs::write(&path, &start).unwrap();
+        // The rest takes no room on the disk.
+        let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(start.len() as u64 + bytes).unwrap();
+        let mut reader = reader::Reader::open(&path).unwrap();
+        std::iter::from_fn(|| reader.next().unwrap()).count()
+    };
+    assert_eq!(entries(1000), 0, "a short one is no damage");
+    assert!(entries(1 << 30) > 0, "a longer one is not read into memory");
+}

@@ -146,8 +146,9 @@ async fn backup(client: &HttpClient, map: &str, path: &Path) -> Result<()> {
 async fn restore(client: &HttpClient, path: &Path, map: &str) -> Result<()> {
     let file = tokio::fs::File::open(path).await;
     let file = file.with_context(|| format!("cannot read {}", path.display()))?;
-    client.restore(map, file).await?;
-    println!("map {map} is there; the server loads it now");
+    let restored = client.restore(map, file).await?;
+    restored.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    println!("map {map} is there with {} frames; the server loads it now", restored.frames);
     Ok(())
 }
 

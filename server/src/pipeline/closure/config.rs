@@ -1,6 +1,6 @@
 //! Settings of loop closure, section `[closure]`.
 
-use super::super::range::{OutOfRange, at_least, within};
+use super::super::range::{MAX_COUNT, OutOfRange, at_least, within};
 use serde::{Deserialize, Serialize};
 
 /// How loops are closed. Only estimated poses are corrected.
@@ -28,7 +28,7 @@ impl ClosureConfig {
     pub fn check(&self) -> Result<(), OutOfRange> {
         at_least("closure.connected_metres", self.connected_metres, 0.0)?;
         within("closure.overlap", self.overlap, 0.0..=1.0)?;
-        at_least("closure.candidates", self.candidates, 1)?;
+        within("closure.candidates", self.candidates, 1..=MAX_COUNT)?;
         at_least("closure.correction_metres", self.correction_metres, 0.0)
     }
 }

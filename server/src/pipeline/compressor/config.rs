@@ -1,7 +1,7 @@
 //! Settings of the online compression, section `[compressor]`.
 
 use crate::pipeline::network::GENERIC_SIZE;
-use crate::pipeline::range::{OutOfRange, above, at_least, require, within};
+use crate::pipeline::range::{MAX_COUNT, OutOfRange, above, require, within};
 use serde::{Deserialize, Serialize};
 
 /// Implementations of the online stage.
@@ -61,13 +61,17 @@ impl CompressorConfig {
         within("compressor.code_size", self.code_size, 1..=GENERIC_SIZE)?;
         within("compressor.tolerance", self.tolerance, 0.0..=1.0)?;
         above("compressor.learning_rate", self.learning_rate, 0.0)?;
-        at_least("compressor.initial_keyframes", self.initial_keyframes, 1)?;
+        within("compressor.initial_keyframes", self.initial_keyframes, 1..=MAX_COUNT)?;
         require(
-            self.initial_steps >= self.initial_keyframes,
+            (self.initial_keyframes..=MAX_COUNT).contains(&self.initial_steps),
             "compressor.initial_steps",
             self.initial_steps,
-            format!("at least compressor.initial_keyframes, which is {}", self.initial_keyframes),
-        )
+            format!(
+                "compressor.initial_keyframes, which is {}, to {MAX_COUNT}",
+                self.initial_keyframes
+            ),
+        )?;
+        within("compressor.replayed", self.replayed, 0..=MAX_COUNT)
     }
 }
 
@@ -92,6 +96,7 @@ mod tests {
                     |c| c.initial_keyframes = 0,
                     |c| c.initial_keyframes = 1,
                 ),
+                ("compressor.replayed", |c| c.replayed = MAX_COUNT + 1, |c| c.replayed = 0),
                 ("compressor.initial_steps", |c| c.initial_steps = 0, |c| c.initial_steps = 1),
                 (
                     "compressor.initial_steps",
@@ -99,7 +104,7 @@ mod tests {
                     |c| (c.initial_steps, c.initial_keyframes) = (3, 3),
                 ),
             ],
-            &["compressor.replayed", "compressor.seed"],
+            &["compressor.seed"],
         );
     }
 

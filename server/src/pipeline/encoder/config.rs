@@ -1,7 +1,7 @@
 //! Settings of the networks, section `[language]`.
 
 use crate::pipeline::network::{BundleOptions, Provider};
-use crate::pipeline::range::{OutOfRange, at_least, within};
+use crate::pipeline::range::{MAX_COLUMNS, MAX_KEPT, OutOfRange, within};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -52,8 +52,8 @@ impl LanguageConfig {
     /// [`OutOfRange`] names the first key that is out of range.
     pub(crate) fn check(&self) -> Result<(), OutOfRange> {
         within("language.threads", self.threads, 0..=MAX_THREADS)?;
-        at_least("language.queue", self.queue, 1)?;
-        at_least("language.label_columns", self.label_columns, 1)
+        within("language.queue", self.queue, 1..=MAX_KEPT)?;
+        within("language.label_columns", self.label_columns, 1..=MAX_COLUMNS as usize)
     }
 }
 

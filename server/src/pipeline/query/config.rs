@@ -1,7 +1,7 @@
 //! Settings of the queries, section `[query]`.
 
 use super::limits::MAX_VIEW_SIDE;
-use crate::pipeline::range::{OutOfRange, above, at_least, within};
+use crate::pipeline::range::{MAX_COUNT, MAX_KEPT, OutOfRange, above, at_least, within};
 use serde::{Deserialize, Serialize};
 
 /// Width of the images for which the paper's mean filter has 20 pixels.
@@ -67,7 +67,7 @@ impl QueryConfig {
     /// # Errors
     /// [`OutOfRange`] names the first key that is out of range.
     pub(crate) fn check(&self) -> Result<(), OutOfRange> {
-        at_least("query.queue", self.queue, 1)?;
+        within("query.queue", self.queue, 1..=MAX_KEPT)?;
         within("query.smoothing_pixels", self.smoothing_pixels, 0..=MAX_VIEW_SIDE)?;
         if let Some(threshold) = self.threshold {
             within("query.threshold", threshold, 0.0..=1.0)?;
@@ -76,10 +76,10 @@ impl QueryConfig {
             at_least("query.bias", bias, 0.0)?;
         }
         within("query.code_columns", self.code_columns, 1..=MAX_VIEW_SIDE)?;
-        at_least("query.cached_texts", self.cached_texts, 1)?;
+        within("query.cached_texts", self.cached_texts, 1..=MAX_KEPT)?;
         within("query.feature_cache_mib", self.feature_cache_mib, 0..=MAX_CACHE_MIB)?;
         above("query.cluster_metres", self.cluster_metres, 0.0)?;
-        at_least("query.cluster_points", self.cluster_points, 1)?;
+        within("query.cluster_points", self.cluster_points, 1..=MAX_COUNT)?;
         within("query.object_score", self.object_score, 0.0..=1.0)?;
         within("query.object_size", self.object_size, 0.0..=1.0)
     }

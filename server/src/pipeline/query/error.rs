@@ -1,5 +1,6 @@
 //! Errors of requests.
 
+use super::fair_queue::Refused;
 use super::limits::VOXEL_METRES;
 use crate::pipeline::network::NetworkError;
 use lexsplat_gpu::GpuError;
@@ -111,6 +112,15 @@ pub enum QueryError {
     /// The query thread has ended.
     #[error("the server is stopping")]
     Stopped,
+}
+
+impl From<Refused> for QueryError {
+    fn from(refused: Refused) -> Self {
+        match refused {
+            Refused::Full(waiting) => Self::TooMany { waiting },
+            Refused::Closed => Self::Stopped,
+        }
+    }
 }
 
 impl QueryError {

@@ -6,19 +6,19 @@
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Who asks: the name of a caller, or an address.
+/// Who asks.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub struct Client(Arc<str>);
+pub enum Client {
+    /// Somebody outside: the name of a caller, or an address.
+    Caller(Arc<str>),
+    /// The server itself.
+    Server,
+}
 
 impl Client {
-    /// The client of this name.
+    /// Somebody outside, with the name of a caller or an address.
     pub fn new(name: &str) -> Self {
-        Self(name.into())
-    }
-
-    /// The server itself.
-    pub fn server() -> Self {
-        Self::new("")
+        Self::Caller(name.into())
     }
 }
 
@@ -32,23 +32,28 @@ pub(super) enum Refused {
 
 /// The queue. It is closed for new jobs on request; jobs that wait are still served.
 pub(super) struct FairQueue<J> {
-    /// Jobs of one client that may wait.
-    most_of_client: usize,
     state: Mutex<State<J>>,
     changed: Condvar,
 }
 
 struct State<J> {
+    waiting: Waiting<J>,
+    is_closed: bool,
+}
+
+/// Jobs that wait, in the order of their turns.
+pub(super) struct Waiting<J> {
+    /// Jobs of one client that may wait.
+    most_of_client: usize,
     /// Clients with jobs, the next one first.
     turns: VecDeque<Client>,
-    waiting: HashMap<Client, VecDeque<J>>,
-    is_closed: bool,
+    jobs: HashMap<Client, VecDeque<J>>,
 }
 
 impl<J> FairQueue<J> {
     pub fn new(most_of_client: usize) -> Self {
-        let state = State { turns: VecDeque::new(), waiting: HashMap::new(), is_closed: false };
-        Self { most_of_client, state: Mutex::new(state), changed: Condvar::new() }
+        let state = State { waiting: Waiting::new(most_of_client), is_closed: false };
+        Self { state: Mutex::new(state), changed: Condvar::new() }
     }
 
     /// Adds a job.
@@ -60,14 +65,7 @@ impl<J> FairQueue<J> {
         if state.is_closed {
             return Err(Refused::Closed);
         }
-        let jobs = state.waiting.entry(client.clone()).or_default();
-        if jobs.len() >= self.most_of_client {
-            return Err(Refused::Full(jobs.len()));
-        }
-        jobs.push_back(job);
-        if jobs.len() == 1 {
-            state.turns.push_back(client.clone());
-        }
+        state.waiting.push(client, job)?;
         self.changed.notify_one();
         Ok(())
     }
@@ -76,7 +74,7 @@ impl<J> FairQueue<J> {
     pub fn pop(&self) -> Option<J> {
         let mut state = self.state();
         loop {
-            if let Some(job) = state.next() {
+            if let Some(job) = state.waiting.next() {
                 return Some(job);
             }
             if state.is_closed {
@@ -97,13 +95,34 @@ impl<J> FairQueue<J> {
     }
 }
 
-impl<J> State<J> {
-    fn next(&mut self) -> Option<J> {
+impl<J> Waiting<J> {
+    pub fn new(most_of_client: usize) -> Self {
+        Self { most_of_client, turns: VecDeque::new(), jobs: HashMap::new() }
+    }
+
+    /// Adds a job.
+    ///
+    /// # Errors
+    /// [`Refused::Full`]; then the job is dropped.
+    pub fn push(&mut self, client: &Client, job: J) -> Result<(), Refused> {
+        let jobs = self.jobs.entry(client.clone()).or_default();
+        if jobs.len() >= self.most_of_client {
+            return Err(Refused::Full(jobs.len()));
+        }
+        jobs.push_back(job);
+        if jobs.len() == 1 {
+            self.turns.push_back(client.clone());
+        }
+        Ok(())
+    }
+
+    /// The next job, if there is one.
+    pub fn next(&mut self) -> Option<J> {
         let client = self.turns.pop_front()?;
-        let jobs = self.waiting.get_mut(&client)?;
+        let jobs = self.jobs.get_mut(&client)?;
         let job = jobs.pop_front();
         if jobs.is_empty() {
-            self.waiting.remove(&client);
+            self.jobs.remove(&client);
         } else {
             self.turns.push_back(client);
         }
@@ -141,7 +160,7 @@ mod tests {
     #[test]
     fn a_closed_queue_is_emptied() {
         let queue = Arc::new(FairQueue::new(2));
-        let client = Client::server();
+        let client = Client::Server;
         queue.push(&client, 0).unwrap();
         queue.close();
         assert_eq!(queue.push(&client, 1), Err(Refused::Closed));

@@ -27,6 +27,7 @@ mod space;
 mod stopwatch;
 mod text;
 mod thread;
+mod turns;
 mod view;
 mod worker;
 
@@ -46,6 +47,7 @@ pub use request::{
     Bounds, Channel, Outputs, Query, RenderRequest, SegmentationRequest, SpatialFilter, View,
 };
 pub use thread::QueryThread;
+pub(crate) use turns::Turns;
 
 #[cfg(test)]
 mod tests;

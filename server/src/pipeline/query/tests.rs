@@ -127,12 +127,12 @@ fn wait<T>(future: impl Future<Output = T>) -> T {
 
 impl Room {
     fn ask(&self, query: Query) -> Result<Answer, QueryError> {
-        wait(self.thread.ask(&Client::server(), self.snapshot.clone(), query))
+        wait(self.thread.ask(&Client::Server, self.snapshot.clone(), query))
     }
 
     fn render(&self, channel: Channel) -> RenderedImage {
         let request = RenderRequest { view: View::Frame(7), channel, size: None };
-        wait(self.thread.render(&Client::server(), self.snapshot.clone(), request))
+        wait(self.thread.render(&Client::Server, self.snapshot.clone(), request))
             .expect("it renders")
     }
 }
@@ -214,7 +214,7 @@ fn an_empty_map_has_no_coverage() {
     (map.color.channels, map.language.channels) = (3, 15);
     let empty = Arc::new(snapshot(map, online(&CompressorConfig::default())));
     for view in [None, Some(View::Frame(7))] {
-        let answer = wait(room.thread.ask(&Client::server(), empty.clone(), query("couch", view)))
+        let answer = wait(room.thread.ask(&Client::Server, empty.clone(), query("couch", view)))
             .expect("an answer");
         assert!(!answer.present && answer.coverage == 0.0 && answer.confidence == 0.0);
         assert!(answer.objects.is_none_or(|objects| objects.is_empty()));
@@ -258,7 +258,7 @@ fn segmentation(texts: &[&str], view: Option<View>) -> SegmentationRequest {
 fn pixels_and_gaussians_are_labelled() {
     let room = room(&QueryConfig::default());
     let ask = |request: SegmentationRequest| {
-        wait(room.thread.segment(&Client::server(), room.snapshot.clone(), request))
+        wait(room.thread.segment(&Client::Server, room.snapshot.clone(), request))
             .expect("an answer")
     };
     let found = ask(segmentation(&["banana", "sofa"], Some(View::Frame(7))));
@@ -279,7 +279,7 @@ fn pixels_and_gaussians_are_labelled() {
         SegmentationRequest { threshold: Some(1.0), ..segmentation(&["banana", "sofa"], None) };
     assert_eq!(ask(strict).shares, [0.0, 0.0]);
     let fault = |request| {
-        let result = wait(room.thread.segment(&Client::server(), room.snapshot.clone(), request));
+        let result = wait(room.thread.segment(&Client::Server, room.snapshot.clone(), request));
         result.expect_err("it is invalid").field()
     };
     assert_eq!(fault(segmentation(&["sofa"], None)), Some("texts"));
@@ -345,7 +345,7 @@ fn a_mesh_has_codes_and_relevancies() {
     let query = query("sofa", None);
     let codes = found.codes.clone();
     let relevancies =
-        wait(room.thread.relevancies(&Client::server(), snapshot.clone(), codes, query))
+        wait(room.thread.relevancies(&Client::Server, snapshot.clone(), codes, query))
             .expect("numbers");
     let mean = |left: bool| {
         let side = |(p, r): (&nalgebra::Point3<f32>, &f32)| ((p.x < 0.0) == left).then_some(*r);
@@ -373,7 +373,7 @@ fn images_show_the_map() {
     dim.trajectory = Arc::new(vec![frame]);
     let shown = |view: View| {
         let request = RenderRequest { view, channel: Channel::Color, size: None };
-        match wait(room.thread.render(&Client::server(), Arc::new(dim.clone()), request))
+        match wait(room.thread.render(&Client::Server, Arc::new(dim.clone()), request))
             .expect("it renders")
         {
             RenderedImage::Rgb { data, .. } => i32::from(pixel(&data, right)[1]),
@@ -394,7 +394,7 @@ fn images_show_the_map() {
     assert!(apart > 60 && pixel(&data, corner) == [0; 3], "{apart}");
     let request =
         RenderRequest { view: View::Frame(7), channel: Channel::Opacity, size: Some((80, 60)) };
-    let small = wait(room.thread.render(&Client::server(), room.snapshot.clone(), request))
+    let small = wait(room.thread.render(&Client::Server, room.snapshot.clone(), request))
         .expect("it renders");
     let RenderedImage::Rgb { data, width: 80, height: 60 } = small else {
         panic!("of the requested size")

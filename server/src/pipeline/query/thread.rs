@@ -5,7 +5,7 @@
 use super::answer::{Answer, RenderedImage, Segmentation};
 use super::config::QueryConfig;
 use super::error::QueryError;
-use super::fair_queue::{Client, FairQueue, Refused};
+use super::fair_queue::{Client, FairQueue};
 use super::request::{Query, RenderRequest, SegmentationRequest};
 use super::worker::Worker;
 use crate::pipeline::encoder::Embed;
@@ -110,7 +110,7 @@ impl QueryThread {
         Box::new(move |text| {
             let text = text.to_owned();
             let (job, embedding) = job(move |worker| worker.embed(&text));
-            push(&queue, &Client::server(), job).map_err(|error| error.to_string())?;
+            push(&queue, &Client::Server, job).map_err(|error| error.to_string())?;
             let embedding =
                 embedding.blocking_recv().map_err(|_| QueryError::Stopped.to_string())?;
             embedding.map_err(|error| error.to_string())
@@ -130,10 +130,7 @@ impl QueryThread {
 }
 
 fn push(queue: &Queue, client: &Client, job: Job) -> Result<(), QueryError> {
-    queue.push(client, job).map_err(|refused| match refused {
-        Refused::Full(waiting) => QueryError::TooMany { waiting },
-        Refused::Closed => QueryError::Stopped,
-    })
+    Ok(queue.push(client, job)?)
 }
 
 /// Closes the queue, and with it the replies of the jobs in it, when the thread ends.
