@@ -165,6 +165,8 @@ fn read(path: &Path, fingerprint: &str) -> Result<Option<Checkpoint>, Unusable> 
     };
     let mut reader = CheckpointReader::open(path).map_err(fault)?;
     if reader.label().fingerprint != fingerprint {
+        // A flipped bit looks like another server too.
+        reader.finish().map_err(fault)?;
         return Ok(None);
     }
     let through = reader.label().through;

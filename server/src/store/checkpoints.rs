@@ -205,7 +205,8 @@ impl CheckpointReader {
         }
         let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|byte| start[at + byte]));
         if number(8) != VERSION {
-            return Err(CheckpointFault::OtherVersion(number(8)));
+            // A flipped bit looks like another version too.
+            return Err(whole(file).err().unwrap_or(CheckpointFault::OtherVersion(number(8))));
         }
         let mut label = vec![0; number(12).min(MAX_LABEL_BYTES) as usize];
         file.read_exact(&mut label).map_err(short)?;
@@ -224,17 +225,24 @@ impl CheckpointReader {
     /// # Errors
     /// [`CheckpointFault::Damaged`].
     pub(crate) fn finish(self) -> Result<(), CheckpointFault> {
-        let damaged = |error: std::io::Error| CheckpointFault::Damaged(error.to_string());
         let mut file = self.state.finish();
-        std::io::copy(&mut file, &mut std::io::sink()).map_err(damaged)?;
-        let Hashing { inner, hash, .. } = file.into_inner();
-        let mut checksum = [0; CHECKSUM_BYTES as usize];
-        inner.into_inner().read_exact(&mut checksum).map_err(damaged)?;
-        if hash.finalize()[..] != checksum {
-            return Err(CheckpointFault::Damaged("its checksum is wrong".into()));
-        }
-        Ok(())
+        let copied = std::io::copy(&mut file, &mut std::io::sink());
+        copied.map_err(|error| CheckpointFault::Damaged(error.to_string()))?;
+        whole(file.into_inner())
     }
+}
+
+/// Reads what is left of a file and compares its checksum, which stands at the end in every version.
+fn whole(mut file: Hashing<std::io::Take<File>>) -> Result<(), CheckpointFault> {
+    let damaged = |error: std::io::Error| CheckpointFault::Damaged(error.to_string());
+    std::io::copy(&mut file, &mut std::io::sink()).map_err(damaged)?;
+    let Hashing { inner, hash, .. } = file;
+    let mut checksum = [0; CHECKSUM_BYTES as usize];
+    inner.into_inner().read_exact(&mut checksum).map_err(damaged)?;
+    if hash.finalize()[..] != checksum {
+        return Err(CheckpointFault::Damaged("its checksum is wrong".into()));
+    }
+    Ok(())
 }
 
 impl Read for CheckpointReader {
@@ -355,7 +363,8 @@ mod tests {
             let mut flipped = whole.clone();
             flipped[at] ^= 1 << (at % 8);
             std::fs::write(&path, &flipped).unwrap();
-            assert!(load(&path).is_err(), "bit in byte {at}");
+            let fault = load(&path).expect_err("it is damaged");
+            assert!(matches!(fault, CheckpointFault::Damaged(_)), "bit in byte {at}: {fault}");
             std::fs::write(&path, &whole[..at]).unwrap();
             assert!(load(&path).is_err(), "cut at {at}");
         }
