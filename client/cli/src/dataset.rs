@@ -1,6 +1,9 @@
 //! `KIND:PATH` as users write it on the command line, and opening the data set that it names.
 
-use lexsplat_client::dataset::{Dataset, DatasetError, FrameRange, Replica, SevenScenes, Tum};
+use lexsplat_client::dataset::{
+    Dataset, DatasetError, FrameRange, Replica, SevenScenes, Tum, with_poses,
+};
+use lexsplat_client::stream::Poses;
 use lexsplat_synthetic::{SyntheticDataset, Walk};
 use std::fmt;
 use std::path::PathBuf;
@@ -47,20 +50,32 @@ pub enum SpecError {
 }
 
 impl DatasetSpec {
-    /// Opens it: checks that the files are there and reads poses, but no pictures.
+    /// Opens its frames with poses: checks that the files are there and reads poses, but no pictures.
     ///
     /// # Errors
     /// [`DatasetError`], also if `range` leaves no frames.
     pub fn open(&self, range: FrameRange) -> Result<Box<dyn Dataset>, DatasetError> {
-        range.of(self.whole(0.0)?)
+        range.of(self.whole(0.0, Poses::Given)?)
     }
 
-    /// Opens all of its frames. Rendered rooms are seen by a camera that shakes by `shake_radians`;
-    /// recordings stay as they are.
+    /// Opens all of its frames; those with poses, if poses are to be given. Rendered rooms are seen by a
+    /// camera that shakes by `shake_radians`; recordings stay as they are.
     ///
     /// # Errors
-    /// [`DatasetError`] if a file is missing or damaged.
-    pub fn whole(&self, shake_radians: f64) -> Result<Box<dyn Dataset>, DatasetError> {
+    /// [`DatasetError`] if the data set cannot be used.
+    pub fn whole(
+        &self,
+        shake_radians: f64,
+        poses: Poses,
+    ) -> Result<Box<dyn Dataset>, DatasetError> {
+        let all = self.all(shake_radians)?;
+        match poses {
+            Poses::Given => with_poses(all),
+            Poses::Estimate => Ok(all),
+        }
+    }
+
+    fn all(&self, shake_radians: f64) -> Result<Box<dyn Dataset>, DatasetError> {
         Ok(match self {
             Self::Replica(path) => Box::new(Replica::open(path)?),
             Self::Tum(path) => Box::new(Tum::open(path)?),
@@ -69,6 +84,22 @@ impl DatasetSpec {
                 Box::new(SyntheticDataset::of(&Walk { shake_radians, ..Walk::new(*seed) }))
             }
         })
+    }
+}
+
+/// A path; `~/` at its beginning is the home folder, which shells do not put behind `KIND:`.
+fn path(text: &str) -> PathBuf {
+    match (text.strip_prefix("~/"), std::env::home_dir()) {
+        (Some(rest), Some(home)) => home.join(rest),
+        _ => text.into(),
+    }
+}
+
+/// Says on standard error what was assumed when a data set was opened, and what was left out.
+pub fn tell(dataset: &dyn Dataset) {
+    dataset.notes().iter().for_each(|note| eprintln!("lexsplat: {note}"));
+    if let [first, ..] = dataset.skipped() {
+        eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
     }
 }
 
@@ -83,9 +114,9 @@ impl FromStr for DatasetSpec {
             None => (text, None),
         };
         match (kind, rest) {
-            ("replica", Some(path)) => Ok(Self::Replica(path.into())),
-            ("tum", Some(path)) => Ok(Self::Tum(path.into())),
-            ("7scenes", Some(path)) => Ok(Self::SevenScenes(path.into())),
+            ("replica", Some(text)) => Ok(Self::Replica(path(text))),
+            ("tum", Some(text)) => Ok(Self::Tum(path(text))),
+            ("7scenes", Some(text)) => Ok(Self::SevenScenes(path(text))),
             ("synthetic", None) => Ok(Self::Synthetic { seed: DEFAULT_SEED }),
             ("synthetic", Some(seed)) => {
                 Ok(Self::Synthetic { seed: seed.parse().map_err(|_| unknown())? })
@@ -123,6 +154,9 @@ mod tests {
             let error = parse(text).unwrap_err().to_string();
             assert!(error.starts_with("dataset: expected replica:PATH"), "{text}: {error}");
         }
+        let home = std::env::home_dir().unwrap();
+        assert_eq!(parse("tum:~/desk").unwrap(), DatasetSpec::Tum(home.join("desk")));
+        assert_eq!(parse("tum:a/~/desk").unwrap(), DatasetSpec::Tum("a/~/desk".into()));
         let error = parse("mcap:a").unwrap_err().to_string();
         assert!(error.contains("mcap is not supported yet"), "{error}");
     }

@@ -10,11 +10,17 @@ mod files;
 mod frame;
 mod kinect;
 mod layer;
+mod name;
+mod numbered;
+mod part;
 mod pose;
+mod posed;
 mod range;
+mod recording;
 mod replica;
 mod seven_scenes;
 mod source;
+mod text;
 mod truth;
 mod tum;
 
@@ -26,6 +32,7 @@ pub use frame::{
     Color, ColorFormat, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
 pub use layer::Layer;
+pub use posed::with_poses;
 pub use range::FrameRange;
 pub use replica::Replica;
 pub use seven_scenes::SevenScenes;

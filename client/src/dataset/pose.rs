@@ -1,10 +1,21 @@
 //! Poses from text. Matrices are written with few digits, so each is projected to the nearest
 //! rotation (by singular value decomposition) and refused if it is far from one.
 
+use super::text;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 /// Largest change of an entry of a rotation, and of a quaternion's length, that passes.
 const TOLERANCE: f64 = 1e-2;
+
+/// A rigid transform from the text of a 4x4 matrix, or of its first three rows.
+pub(super) fn from_rows(line: &str) -> Result<Isometry3<f64>, String> {
+    if text::words(line).count() == 12 {
+        let upper = text::numbers::<12>(line)?;
+        let last = [0.0, 0.0, 0.0, 1.0];
+        return from_matrix(&std::array::from_fn(|i| if i < 12 { upper[i] } else { last[i - 12] }));
+    }
+    from_matrix(&text::numbers(line)?)
+}
 
 /// A rigid transform from a 4x4 matrix, row by row.
 pub(super) fn from_matrix(rows: &[f64; 16]) -> Result<Isometry3<f64>, String> {

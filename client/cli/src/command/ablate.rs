@@ -114,11 +114,11 @@ fn names() -> Vec<&'static str> {
 pub async fn run(arguments: &Ablate) -> Result<()> {
     let stride = arguments.stride;
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> = Arc::from(
-        arguments
-            .sensing
-            .open(&arguments.dataset, FrameRange { end, stride, ..FrameRange::default() })?,
-    );
+    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(
+        &arguments.dataset,
+        FrameRange { end, stride, ..FrameRange::default() },
+        Poses::Estimate,
+    )?);
     if dataset.truth().is_none() {
         bail!("{} has no masks, so language cannot be scored: choose another", arguments.dataset);
     }

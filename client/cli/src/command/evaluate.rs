@@ -87,9 +87,11 @@ pub struct Evaluate {
 pub async fn run(arguments: &Evaluate) -> Result<()> {
     let (stride, passes) = (arguments.stride, arguments.passes);
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> = Arc::from(
-        arguments.sensing.open(&arguments.dataset, FrameRange { start: 0, end, stride, passes })?,
-    );
+    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(
+        &arguments.dataset,
+        FrameRange { start: 0, end, stride, passes },
+        arguments.poses.into(),
+    )?);
     for (asked, option) in [
         (arguments.language, "--language"),
         (arguments.encoder == Encoder::Oracle, "--encoder oracle"),

@@ -63,15 +63,13 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         stride: arguments.stride,
         ..FrameRange::default()
     };
-    let dataset = arguments.sensing.open(&arguments.dataset, range)?;
-    if let [first, ..] = dataset.skipped() {
-        eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
-    }
+    let poses = arguments.poses.into();
+    let dataset = arguments.sensing.open(&arguments.dataset, range, poses)?;
     let options = StreamOptions {
         grpc: arguments.grpc.clone(),
         access: arguments.access.read()?,
         map: arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned()),
-        poses: arguments.poses.into(),
+        poses,
         encoder: arguments.encoder.into(),
         hold_out_every: None,
         realtime: arguments.realtime,
@@ -83,6 +81,9 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         Err(_) => bar.abandon(),
     }
     let summary = summary?;
+    if let [first, ..] = &summary.left_out_frames[..] {
+        eprintln!("lexsplat: {} frames left out: {}", summary.left_out, first.reason);
+    }
     if arguments.json {
         println!("{}", serde_json::to_string(&summary)?);
     } else {

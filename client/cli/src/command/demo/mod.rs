@@ -77,7 +77,9 @@ pub async fn run(arguments: &Demo) -> Result<()> {
         stride: arguments.stride,
         ..FrameRange::default()
     };
-    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(&arguments.dataset, range)?);
+    let poses = arguments.poses.into();
+    let dataset = arguments.sensing.open(&arguments.dataset, range, poses)?;
+    let dataset: Arc<dyn Dataset> = Arc::from(dataset);
     let out = &arguments.out;
     make_folder(out)?;
     let plan = Plan {
