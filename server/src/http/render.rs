@@ -85,8 +85,8 @@ async fn picture(
 ) -> Result<Response, Problem> {
     let started = Instant::now();
     let channel = channel_name(request.channel);
-    let request =
-        check::render_request(request, map.snapshot().intrinsics, state.config.max_render_pixels)?;
+    let (snapshot, most) = (map.snapshot(), state.config.max_render_pixels);
+    let request = check::render_request(request, |frame| snapshot.camera(frame), most)?;
     let picture = state.in_time(state.engine().render(client, map, request)).await??;
     let npy = wants_npy(headers) && matches!(picture, RenderedImage::Depth { .. });
     let written = tokio::task::spawn_blocking(move || write(&picture, npy)).await;
