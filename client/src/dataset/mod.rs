@@ -7,10 +7,14 @@
 
 mod error;
 mod files;
+mod folder;
 mod frame;
+mod inspect;
 mod kinect;
 mod layer;
 mod name;
+mod natural;
+mod nerfstudio;
 mod numbered;
 mod part;
 mod pose;
@@ -21,6 +25,7 @@ mod replica;
 mod seven_scenes;
 mod source;
 mod text;
+mod timed;
 mod truth;
 mod tum;
 
@@ -28,10 +33,13 @@ mod tum;
 mod tests;
 
 pub use error::DatasetError;
+pub use folder::Folder;
 pub use frame::{
     Color, ColorFormat, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
+pub use inspect::{DepthSeen, Inspection, inspect};
 pub use layer::Layer;
+pub use nerfstudio::Nerfstudio;
 pub use posed::with_poses;
 pub use range::FrameRange;
 pub use replica::Replica;

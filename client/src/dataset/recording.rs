@@ -41,10 +41,25 @@ pub(super) struct Recording {
 /// # Errors
 /// What is wrong with the first frame, if no frame looked at has color and depth of one size.
 pub(super) fn size(frames: &[Entry]) -> Result<Size, DatasetError> {
+    usual(frames, Entry::size)
+}
+
+/// The size of color that most of a few frames have; depth may have another.
+///
+/// # Errors
+/// What is wrong with the first frame, if color of no frame looked at can be read.
+pub(super) fn color_size(frames: &[Entry]) -> Result<Size, DatasetError> {
+    usual(frames, |entry| files::size(&entry.color))
+}
+
+fn usual(
+    frames: &[Entry],
+    size: impl Fn(&Entry) -> Result<Size, DatasetError>,
+) -> Result<Size, DatasetError> {
     let mut found: Vec<(Size, usize)> = Vec::new();
     let mut wrong = None;
     for entry in frames.iter().step_by(frames.len().div_ceil(SAMPLES).max(1)) {
-        match entry.size() {
+        match size(entry) {
             Ok(size) => match found.iter_mut().find(|(other, _)| *other == size) {
                 Some((_, times)) => *times += 1,
                 None => found.push((size, 1)),

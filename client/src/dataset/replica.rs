@@ -114,12 +114,7 @@ impl Poses {
         if !path.is_file() {
             return Ok(Self { path, lines: None });
         }
-        let content = files::text(&path)?;
-        let pose = |(number, line): (usize, &str)| {
-            let pose = pose::from_rows(line);
-            pose.map_err(|reason| DatasetError::at_line(&path, number, reason).to_string())
-        };
-        let lines = Some(text::lines(&content).map(pose).collect());
+        let lines = Some(pose::lines(&path)?);
         Ok(Self { path, lines })
     }
 

@@ -10,15 +10,13 @@ use super::error::DatasetError;
 use super::files::{self, Size};
 use super::frame::{Intrinsics, RgbdFrame};
 use super::layer::Layer;
-use super::recording::{self, Entry, MaybePose, Recording};
+use super::recording::{self, Entry, Recording};
 use super::source::Dataset;
-use super::{name, pose, text};
-use nalgebra::Isometry3;
+use super::timed::{self, Timed, TimedPoses};
+use super::{name, text};
 use std::path::{Path, PathBuf};
 
 const DEPTH_UNIT_METRES: f64 = 1.0 / 5000.0;
-const DEPTH_WITHIN_NANOS: u64 = 20_000_000;
-const POSE_WITHIN_NANOS: u64 = 80_000_000;
 /// The benchmark's pictures.
 const BENCHMARK_SIZE: Size = Size { width: 640, height: 480 };
 /// fx, fy, cx, cy of the driver.
@@ -37,12 +35,6 @@ pub struct Tum {
     recording: Recording,
 }
 
-/// A line of a list with its time.
-struct Timed<T> {
-    nanos: u64,
-    value: T,
-}
-
 impl Tum {
     /// Finds the files, pairs them and reads camera and poses.
     ///
@@ -51,8 +43,8 @@ impl Tum {
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let colors = file_list(folder, "rgb.txt")?;
         let depths = file_list(folder, "depth.txt")?;
-        let poses = Poses::read(folder.join("groundtruth.txt"))?;
-        let pairs = pair(&colors, &depths);
+        let poses = TimedPoses::read(folder.join("groundtruth.txt"))?;
+        let pairs = timed::pair(&colors, &depths);
         let entry = |&(at, depth): &(usize, usize)| {
             let Timed { nanos, value: color } = &colors[at];
             let (color, depth) = (color.clone(), depths[depth].value.clone());
@@ -79,7 +71,7 @@ impl Tum {
 
 /// `timestamp file` per line, by time.
 fn file_list(folder: &Path, name: &str) -> Result<Vec<Timed<PathBuf>>, DatasetError> {
-    timed(&folder.join(name), |_, rest| match rest.trim_matches('"') {
+    timed::list(&folder.join(name), |_, rest| match rest.trim_matches('"') {
         "" => Err("expected a timestamp and a file, found no file".into()),
         file => Ok(listed(folder, file)),
     })
@@ -89,86 +81,6 @@ fn file_list(folder: &Path, name: &str) -> Result<Vec<Timed<PathBuf>>, DatasetEr
 fn listed(folder: &Path, file: &str) -> PathBuf {
     let path = folder.join(file);
     if file.contains('\\') && !path.exists() { folder.join(file.replace('\\', "/")) } else { path }
-}
-
-/// A list whose lines start with a timestamp, by time. The first line may be a header.
-fn timed<T>(
-    path: &Path,
-    parse: impl Fn(usize, &str) -> Result<T, String>,
-) -> Result<Vec<Timed<T>>, DatasetError> {
-    let content = files::text(path)?;
-    let mut list = Vec::new();
-    for (at, (number, line)) in text::lines(&content).enumerate() {
-        if at == 0 && !line.contains(|c: char| c.is_ascii_digit()) {
-            continue;
-        }
-        let (stamp, rest) = text::first_word(line);
-        let entry =
-            text::nanos(stamp).and_then(|nanos| Ok(Timed { nanos, value: parse(number, rest)? }));
-        list.push(entry.map_err(|reason| DatasetError::at_line(path, number, reason))?);
-    }
-    list.sort_by_key(|entry| entry.nanos);
-    Ok(list)
-}
-
-/// The poses of `groundtruth.txt`.
-struct Poses {
-    path: PathBuf,
-    /// By time; `None` without a file.
-    list: Option<Vec<Timed<MaybePose>>>,
-}
-
-impl Poses {
-    fn read(path: PathBuf) -> Result<Self, DatasetError> {
-        if !path.is_file() {
-            return Ok(Self { path, list: None });
-        }
-        let list = timed(&path, |line, rest| {
-            let pose = text::numbers(rest).and_then(|numbers| pose::from_tum(&numbers));
-            Ok(pose.map_err(|reason| DatasetError::at_line(&path, line, reason).to_string()))
-        })?;
-        Ok(Self { list: Some(list), path })
-    }
-
-    /// The nearest pose in time, or the reason why `picture` has none.
-    fn at(&self, nanos: u64, picture: &Path) -> Result<Isometry3<f64>, String> {
-        let Some(list) = &self.list else {
-            let reason = "there is no such file";
-            return Err(DatasetError::content(&self.path, reason).to_string());
-        };
-        let after = list.partition_point(|pose| pose.nanos < nanos);
-        let around = &list[after.saturating_sub(1)..list.len().min(after + 1)];
-        let nearest = around.iter().min_by_key(|pose| pose.nanos.abs_diff(nanos));
-        match nearest {
-            Some(pose) if pose.nanos.abs_diff(nanos) <= POSE_WITHIN_NANOS => pose.value.clone(),
-            _ => {
-                let reason = "expected a pose at most 0.08 s away, found none";
-                Err(DatasetError::content(picture, reason).to_string())
-            }
-        }
-    }
-}
-
-/// Pairs of indices into the two lists, closest in time first served, in the order of the first.
-fn pair<A, B>(first: &[Timed<A>], second: &[Timed<B>]) -> Vec<(usize, usize)> {
-    let mut close = Vec::new();
-    for (i, a) in first.iter().enumerate() {
-        let from = second.partition_point(|b| b.nanos + DEPTH_WITHIN_NANOS < a.nanos);
-        let near = second.iter().enumerate().skip(from);
-        let near = near.map(|(j, b)| (a.nanos.abs_diff(b.nanos), i, j));
-        close.extend(near.take_while(|(apart, ..)| *apart <= DEPTH_WITHIN_NANOS));
-    }
-    close.sort_unstable();
-    let (mut used_first, mut used_second) = (vec![false; first.len()], vec![false; second.len()]);
-    let mut pairs = Vec::new();
-    for (_, i, j) in close {
-        if !used_first[i] && !used_second[j] {
-            (used_first[i], used_second[j]) = (true, true);
-            pairs.push((i, j));
-        }
-    }
-    pairs.sort_unstable();
-    pairs
 }
 
 /// The camera of a file, of the benchmark, or the driver's. The last two only for pictures of their size.
