@@ -1,7 +1,8 @@
 //! Room on the device for images of any camera.
 
 use super::super::config::TrackerConfig;
-use lexsplat_gpu::{Camera, GpuError, Pyramid, Pyramids, pyramid};
+use super::super::multi_reference::Reference;
+use lexsplat_gpu::{Camera, GpuError, Pyramid, Pyramids, Schedule, pyramid};
 
 /// Sizes at which images of a camera are aligned: as many as the settings ask for, or as its size allows.
 /// `None` if it is too small for one.
@@ -23,4 +24,17 @@ pub(super) fn fit(
         *pyramid = pyramids.allocate(camera, levels)?;
     }
     Ok(())
+}
+
+/// The steps at sizes that all images have: those of a small camera have fewer.
+pub(super) fn within_levels(
+    schedule: &Schedule,
+    references: &[Reference<'_>],
+    live: &Pyramid,
+) -> Schedule {
+    let images = references.iter().map(|reference| reference.pyramid).chain([live]);
+    let levels = images.map(|image| image.levels().len()).min().unwrap_or(1);
+    let mut schedule = schedule.clone();
+    schedule.steps.truncate(levels);
+    schedule
 }

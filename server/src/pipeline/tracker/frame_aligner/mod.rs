@@ -16,7 +16,7 @@ use super::multi_reference::{self, Reference};
 use super::quality::{self, AlignmentQuality};
 use super::scene::Scene;
 use super::uncertainty;
-use images::{fit, levels};
+use images::{fit, levels, within_levels};
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
 use lexsplat_gpu::align::se3::adjoint;
@@ -328,12 +328,7 @@ fn align(
     start: &Estimate,
     schedule: &Schedule,
 ) -> Result<PoseCandidate, GpuError> {
-    // Images of a small camera have fewer levels.
-    let images = references.iter().map(|reference| reference.pyramid).chain([live]);
-    let levels = images.map(|image| image.levels().len()).min().unwrap_or(1);
-    let mut schedule = schedule.clone();
-    schedule.steps.truncate(levels);
-    let schedule = &schedule;
+    let schedule = &within_levels(schedule, references, live);
     let (aligned, systems) =
         multi_reference::align(aligner, references, live, world_from_base, start, schedule)?;
     let base_from_camera = aligned.estimate.reference_from_live;
