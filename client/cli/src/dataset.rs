@@ -109,7 +109,7 @@ pub fn recognised(folder: &Path) -> Result<DatasetSpec, String> {
     Ok(match folder.to_path_buf() {
         path if has("recording.toml") => DatasetSpec::Folder(path),
         path if has("transforms.json") => DatasetSpec::Nerfstudio(path),
-        path if has("rgb.txt") => DatasetSpec::Tum(path),
+        path if has("rgb.txt") || has("associations.txt") => DatasetSpec::Tum(path),
         path if folder.join("results").is_dir() => DatasetSpec::Replica(path),
         path if has_scene => DatasetSpec::SevenScenes(path),
         path => {

@@ -5,6 +5,9 @@
 //! without a file, by the word `fr1`, `fr2` or `fr3` (`freiburg1`, …) in the folder's name, else the
 //! driver's default, both of which [`Dataset::notes`] says. A frame's number is its picture's place in
 //! `rgb.txt`, from 0.
+//!
+//! Without `rgb.txt`, a list of pairs is read (ICL-NUIM's `associations.txt`: `timestamp file timestamp file` per
+//! line, the file with `depth` in its name is depth), and without `groundtruth.txt` a `*.gt.freiburg`.
 
 use super::error::DatasetError;
 use super::files::{self, Size};
@@ -27,6 +30,8 @@ const CALIBRATED: [([&str; 2], [f64; 4]); 3] = [
     (["fr2", "freiburg2"], [520.9, 521.0, 325.1, 249.7]),
     (["fr3", "freiburg3"], [535.4, 539.2, 320.1, 247.6]),
 ];
+/// Lists of pairs.
+const PAIRS: [&str; 3] = ["associations.txt", "associated.txt", "associate.txt"];
 const CAMERA_FILES: [&str; 2] = ["camera.txt", "calibration.txt"];
 
 /// A folder in TUM layout.
@@ -41,9 +46,8 @@ impl Tum {
     /// # Errors
     /// [`DatasetError`] if a list or the camera is missing or damaged, or no frame is there.
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let colors = file_list(folder, "rgb.txt")?;
-        let depths = file_list(folder, "depth.txt")?;
-        let poses = TimedPoses::read(folder.join("groundtruth.txt"))?;
+        let (colors, depths) = lists(folder)?;
+        let poses = TimedPoses::read(trajectory(folder))?;
         let pairs = timed::pair(&colors, &depths);
         let entry = |&(at, depth): &(usize, usize)| {
             let Timed { nanos, value: color } = &colors[at];
@@ -67,6 +71,45 @@ impl Tum {
         let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
         Ok(Self { recording })
     }
+}
+
+/// Color and depth, by time.
+fn lists(folder: &Path) -> Result<(Vec<Timed<PathBuf>>, Vec<Timed<PathBuf>>), DatasetError> {
+    let pairs = PAIRS.map(|name| folder.join(name)).into_iter().find(|path| path.is_file());
+    let Some(path) = pairs.filter(|_| !folder.join("rgb.txt").is_file()) else {
+        return Ok((file_list(folder, "rgb.txt")?, file_list(folder, "depth.txt")?));
+    };
+    let (mut colors, mut depths) = (Vec::new(), Vec::new());
+    for Timed { nanos, value: (first, other_nanos, second) } in
+        timed::list(&path, |_, rest| pair_of(rest))?
+    {
+        for (nanos, file) in [(nanos, first), (other_nanos, second)] {
+            let list = if file.contains("depth") { &mut depths } else { &mut colors };
+            list.push(Timed { nanos, value: listed(folder, &file) });
+        }
+    }
+    colors.sort_by_key(|color| color.nanos);
+    depths.sort_by_key(|depth| depth.nanos);
+    Ok((colors, depths))
+}
+
+/// `file timestamp file`.
+fn pair_of(rest: &str) -> Result<(String, u64, String), String> {
+    match text::words(rest).collect::<Vec<_>>()[..] {
+        [first, stamp, second] => Ok((first.to_owned(), text::nanos(stamp)?, second.to_owned())),
+        _ => Err("expected timestamp, file, timestamp, file".into()),
+    }
+}
+
+/// The file of poses.
+fn trajectory(folder: &Path) -> PathBuf {
+    let usual = folder.join("groundtruth.txt");
+    if usual.is_file() {
+        return usual;
+    }
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_other = |path: &PathBuf| path.to_string_lossy().ends_with(".gt.freiburg");
+    entries.map(|entry| entry.path()).filter(is_other).min().unwrap_or(usual)
 }
 
 /// `timestamp file` per line, by time.

@@ -1,7 +1,7 @@
 //! The layouts of nerfstudio and of described folders, in files written here, and what an inspection says.
 
 use super::*;
-use crate::dataset::{Folder, Inspection, Nerfstudio, inspect};
+use crate::dataset::{Inspection, inspect};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 /// Places of three frames: the camera goes right and turns right.
@@ -18,7 +18,7 @@ fn opengl_rows(pose: &Isometry3<f64>) -> Vec<Vec<f64>> {
 }
 
 /// A folder as an app for phones writes it: depth of half the size, frames in no order.
-fn nerfstudio(change: impl Fn(&mut serde_json::Value)) -> TempDir {
+pub(super) fn nerfstudio(change: impl Fn(&mut serde_json::Value)) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
     let mut frames = Vec::new();
@@ -134,7 +134,7 @@ fn described(more: &str) -> TempDir {
     folder
 }
 
-fn with_table(table: &str) -> TempDir {
+pub(super) fn with_table(table: &str) -> TempDir {
     let folder = described("");
     put(folder.path(), "recording.toml", format!("{DESCRIPTION}\n{table}"));
     folder

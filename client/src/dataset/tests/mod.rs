@@ -5,8 +5,8 @@ mod mutations;
 mod wild;
 
 use crate::dataset::{
-    ColorFormat, Dataset, DatasetError, Depth, FrameRange, Intrinsics, Replica, RgbdFrame,
-    SevenScenes, Tum, with_poses,
+    ColorFormat, Dataset, DatasetError, Depth, Folder, FrameRange, Intrinsics, Nerfstudio, Replica,
+    RgbdFrame, SevenScenes, Tum, with_poses,
 };
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use nalgebra::Isometry3;
@@ -49,6 +49,8 @@ fn open(kind: &str, folder: &Path) -> Result<Box<dyn Dataset>, DatasetError> {
         "replica" => Box::new(Replica::open(folder)?),
         "tum" => Box::new(Tum::open(folder)?),
         "7scenes" => Box::new(SevenScenes::open(folder)?),
+        "nerfstudio" => Box::new(Nerfstudio::open(folder)?),
+        "folder" => Box::new(Folder::open(folder)?),
         other => panic!("no reader for {other}"),
     })
 }

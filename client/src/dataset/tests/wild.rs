@@ -191,3 +191,24 @@ fn one_damaged_picture_does_not_decide_about_the_others() {
         }
     }
 }
+
+#[test]
+fn a_list_of_pairs_is_read_where_there_are_no_two_lists() {
+    let (_keep, folder) = tum("living_room_traj2");
+    let pairs = "0 depth/100.010000.png 0 rgb/100.000000.png\n2 depth/100.026000.png 2 rgb/100.033000.png\n";
+    put(&folder, "associations.txt", pairs);
+    put(&folder, "livingRoom2.gt.freiburg", "2 5 0 0 0 0 0 1\n");
+    assert_eq!(open("tum", &folder).unwrap().len(), 3, "control: the two lists come first");
+    fs::remove_file(folder.join("rgb.txt")).unwrap();
+    fs::remove_file(folder.join("groundtruth.txt")).unwrap();
+    let dataset = open("tum", &folder).unwrap();
+    assert_eq!((dataset.len(), dataset.moment(1).unwrap().timestamp_nanos), (2, 2_000_000_000));
+    assert!(dataset.no_pose(0).is_some());
+    assert_eq!(dataset.moment(1).unwrap().world_from_camera.unwrap().translation.x, 5.0);
+    assert_eq!(units(&dataset.frame(1).unwrap().depth)[(0, 0)][0], 5001);
+    put(&folder, "associations.txt", "0 depth/100.010000.png 0\n");
+    assert!(
+        error("tum", &folder)
+            .ends_with("associations.txt:1: expected timestamp, file, timestamp, file")
+    );
+}
