@@ -46,7 +46,7 @@ impl Tum {
     /// # Errors
     /// [`DatasetError`] if a list or the camera is missing or damaged, or no frame is there.
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let (colors, depths) = lists(folder)?;
+        let [colors, depths] = lists(folder)?;
         let poses = TimedPoses::read(trajectory(folder))?;
         let pairs = timed::pair(&colors, &depths);
         let entry = |&(at, depth): &(usize, usize)| {
@@ -73,11 +73,14 @@ impl Tum {
     }
 }
 
-/// Color and depth, by time.
-fn lists(folder: &Path) -> Result<(Vec<Timed<PathBuf>>, Vec<Timed<PathBuf>>), DatasetError> {
+/// Pictures, by time.
+type Pictures = Vec<Timed<PathBuf>>;
+
+/// Color and depth.
+fn lists(folder: &Path) -> Result<[Pictures; 2], DatasetError> {
     let pairs = PAIRS.map(|name| folder.join(name)).into_iter().find(|path| path.is_file());
     let Some(path) = pairs.filter(|_| !folder.join("rgb.txt").is_file()) else {
-        return Ok((file_list(folder, "rgb.txt")?, file_list(folder, "depth.txt")?));
+        return Ok([file_list(folder, "rgb.txt")?, file_list(folder, "depth.txt")?]);
     };
     let (mut colors, mut depths) = (Vec::new(), Vec::new());
     for Timed { nanos, value: (first, other_nanos, second) } in
@@ -90,7 +93,7 @@ fn lists(folder: &Path) -> Result<(Vec<Timed<PathBuf>>, Vec<Timed<PathBuf>>), Da
     }
     colors.sort_by_key(|color| color.nanos);
     depths.sort_by_key(|depth| depth.nanos);
-    Ok((colors, depths))
+    Ok([colors, depths])
 }
 
 /// `file timestamp file`.
@@ -113,7 +116,7 @@ fn trajectory(folder: &Path) -> PathBuf {
 }
 
 /// `timestamp file` per line, by time.
-fn file_list(folder: &Path, name: &str) -> Result<Vec<Timed<PathBuf>>, DatasetError> {
+fn file_list(folder: &Path, name: &str) -> Result<Pictures, DatasetError> {
     timed::list(&folder.join(name), |_, rest| match rest.trim_matches('"') {
         "" => Err("expected a timestamp and a file, found no file".into()),
         file => Ok(listed(folder, file)),
