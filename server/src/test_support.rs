@@ -83,10 +83,17 @@ pub fn frame(sequence: u64) -> v1::Frame {
 pub const ROOM_CAMERA: Intrinsics =
     Intrinsics { width: 160, height: 120, fx: 130.0, fy: 130.0, cx: 79.5, cy: 59.5 };
 
-/// What [`ROOM_CAMERA`] sees of a room of 6x3.2x7 metres with a ball in it, row by row: the place in the world
-/// that each pixel shows, and its depth, both in metres.
+/// What [`ROOM_CAMERA`] sees of the ray-cast room.
 pub fn ray_cast_room(world_from_camera: &Isometry3<f64>) -> Vec<(Vector3<f64>, f64)> {
-    let camera = ROOM_CAMERA;
+    ray_cast(&ROOM_CAMERA, world_from_camera)
+}
+
+/// What a camera sees of a room of 6x3.2x7 metres with a ball in it, row by row: the place in the world that
+/// each pixel shows, and its depth, both in metres.
+pub fn ray_cast(
+    camera: &Intrinsics,
+    world_from_camera: &Isometry3<f64>,
+) -> Vec<(Vector3<f64>, f64)> {
     let origin = world_from_camera.translation.vector;
     let (low, high) = (Vector3::new(-3.0, -1.6, -3.5), Vector3::new(3.0, 1.6, 3.5));
     let ball = Vector3::new(0.6, 0.5, 2.2) - origin;

@@ -8,6 +8,7 @@ mod bad_input;
 mod browser;
 mod budget;
 mod bundles;
+mod cameras;
 mod clock;
 mod connections;
 mod end_to_end;

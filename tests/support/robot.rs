@@ -30,7 +30,12 @@ pub struct Robot {
 impl Robot {
     /// Walks through the room of that seed.
     pub fn new(seed: u64, frames: usize) -> Self {
-        let (room, camera) = (Room::new(seed), Camera::new(WIDTH, HEIGHT));
+        Self::with(seed, frames, Camera::new(WIDTH, HEIGHT))
+    }
+
+    /// The same walk with this camera.
+    pub fn with(seed: u64, frames: usize, camera: Camera) -> Self {
+        let room = Room::new(seed);
         let poses = room.path(frames);
         let views = poses.iter().map(|pose| room.render(&camera, pose)).collect();
         Self { room, camera, poses, views }

@@ -1,15 +1,19 @@
 //! `KIND:PATH` as users write it on the command line, and opening the data set that it names.
 
-use lexsplat_client::dataset::{Dataset, DatasetError, FrameRange, Replica, SevenScenes, Tum};
+use lexsplat_client::dataset::{
+    Dataset, DatasetError, Folder, FrameRange, Nerfstudio, Replica, SevenScenes, Tum, with_poses,
+};
+use lexsplat_client::stream::Poses;
 use lexsplat_synthetic::{SyntheticDataset, Walk};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Seed of the synthetic room if none is given.
 const DEFAULT_SEED: u64 = 7;
 
-/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH` or `synthetic or synthetic:SEED`.
+/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH`, `nerfstudio:PATH`, `folder:PATH`, `synthetic` or
+/// `synthetic:SEED`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DatasetSpec {
     /// A folder in Replica layout.
@@ -18,6 +22,10 @@ pub enum DatasetSpec {
     Tum(PathBuf),
     /// The folder of one sequence in 7-Scenes layout.
     SevenScenes(PathBuf),
+    /// A folder in nerfstudio layout, with depth.
+    Nerfstudio(PathBuf),
+    /// A folder that `recording.toml` describes.
+    Folder(PathBuf),
     /// A rendered room; no file is read.
     Synthetic {
         /// Which room.
@@ -30,7 +38,7 @@ pub enum DatasetSpec {
 pub enum SpecError {
     /// Neither a known kind nor a complete specification.
     #[error(
-        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED, found {found:?}"
+        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED, found {found:?}"
     )]
     Unknown {
         /// The text that was given.
@@ -47,28 +55,86 @@ pub enum SpecError {
 }
 
 impl DatasetSpec {
-    /// Opens it: checks that the files are there and reads poses, but no pictures.
+    /// Opens its frames with poses: checks that the files are there and reads poses, but no pictures.
     ///
     /// # Errors
     /// [`DatasetError`], also if `range` leaves no frames.
     pub fn open(&self, range: FrameRange) -> Result<Box<dyn Dataset>, DatasetError> {
-        range.of(self.whole(0.0)?)
+        range.of(self.whole(0.0, Poses::Given)?)
     }
 
-    /// Opens all of its frames. Rendered rooms are seen by a camera that shakes by `shake_radians`;
-    /// recordings stay as they are.
+    /// Opens all of its frames; those with poses, if poses are to be given. Rendered rooms are seen by a
+    /// camera that shakes by `shake_radians`; recordings stay as they are.
     ///
     /// # Errors
-    /// [`DatasetError`] if a file is missing or damaged.
-    pub fn whole(&self, shake_radians: f64) -> Result<Box<dyn Dataset>, DatasetError> {
+    /// [`DatasetError`] if the data set cannot be used.
+    pub fn whole(
+        &self,
+        shake_radians: f64,
+        poses: Poses,
+    ) -> Result<Box<dyn Dataset>, DatasetError> {
+        let all = self.all(shake_radians)?;
+        match poses {
+            Poses::Given => with_poses(all),
+            Poses::Estimate => Ok(all),
+        }
+    }
+
+    fn all(&self, shake_radians: f64) -> Result<Box<dyn Dataset>, DatasetError> {
         Ok(match self {
             Self::Replica(path) => Box::new(Replica::open(path)?),
             Self::Tum(path) => Box::new(Tum::open(path)?),
             Self::SevenScenes(path) => Box::new(SevenScenes::open(path)?),
+            Self::Nerfstudio(path) => Box::new(Nerfstudio::open(path)?),
+            Self::Folder(path) => Box::new(Folder::open(path)?),
             Self::Synthetic { seed } => {
                 Box::new(SyntheticDataset::of(&Walk { shake_radians, ..Walk::new(*seed) }))
             }
         })
+    }
+}
+
+/// The kind of a folder, by the files in it.
+///
+/// # Errors
+/// What was looked for, if it is of no known kind.
+pub fn recognised(folder: &Path) -> Result<DatasetSpec, String> {
+    let has = |name: &str| folder.join(name).is_file();
+    let is_scene = |name: &std::ffi::OsStr| {
+        name.to_str().is_some_and(|name| name.starts_with("frame-") && name.contains(".color."))
+    };
+    let names = std::fs::read_dir(folder)
+        .map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
+    let has_scene = names.flatten().any(|entry| is_scene(&entry.file_name()));
+    Ok(match folder.to_path_buf() {
+        path if has("recording.toml") => DatasetSpec::Folder(path),
+        path if has("transforms.json") => DatasetSpec::Nerfstudio(path),
+        path if has("rgb.txt") || has("associations.txt") => DatasetSpec::Tum(path),
+        path if folder.join("results").is_dir() => DatasetSpec::Replica(path),
+        path if has_scene => DatasetSpec::SevenScenes(path),
+        path => {
+            return Err(format!(
+                "{}: expected recording.toml (folder), transforms.json (nerfstudio), rgb.txt (tum), results/ \
+                 (replica) or frame-000000.color.jpg (7scenes), found none",
+                path.display()
+            ));
+        }
+    })
+}
+
+/// A path; `~/` at its beginning is the home folder, which shells do not put behind `KIND:`.
+fn path(text: &str) -> PathBuf {
+    match (text.strip_prefix("~/"), std::env::home_dir()) {
+        (Some(rest), Some(home)) => home.join(rest),
+        _ => text.into(),
+    }
+}
+
+/// Says on standard error what was assumed when a data set was opened, and what was left out.
+pub fn tell(dataset: &dyn Dataset) {
+    dataset.notes().iter().for_each(|note| eprintln!("lexsplat: {note}"));
+    if let [first, ..] = dataset.skipped() {
+        eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
     }
 }
 
@@ -83,9 +149,11 @@ impl FromStr for DatasetSpec {
             None => (text, None),
         };
         match (kind, rest) {
-            ("replica", Some(path)) => Ok(Self::Replica(path.into())),
-            ("tum", Some(path)) => Ok(Self::Tum(path.into())),
-            ("7scenes", Some(path)) => Ok(Self::SevenScenes(path.into())),
+            ("replica", Some(text)) => Ok(Self::Replica(path(text))),
+            ("tum", Some(text)) => Ok(Self::Tum(path(text))),
+            ("7scenes", Some(text)) => Ok(Self::SevenScenes(path(text))),
+            ("nerfstudio", Some(text)) => Ok(Self::Nerfstudio(path(text))),
+            ("folder", Some(text)) => Ok(Self::Folder(path(text))),
             ("synthetic", None) => Ok(Self::Synthetic { seed: DEFAULT_SEED }),
             ("synthetic", Some(seed)) => {
                 Ok(Self::Synthetic { seed: seed.parse().map_err(|_| unknown())? })
@@ -102,6 +170,8 @@ impl fmt::Display for DatasetSpec {
             Self::Replica(path) => write!(f, "replica:{}", path.display()),
             Self::Tum(path) => write!(f, "tum:{}", path.display()),
             Self::SevenScenes(path) => write!(f, "7scenes:{}", path.display()),
+            Self::Nerfstudio(path) => write!(f, "nerfstudio:{}", path.display()),
+            Self::Folder(path) => write!(f, "folder:{}", path.display()),
             Self::Synthetic { seed } => write!(f, "synthetic:{seed}"),
         }
     }
@@ -115,7 +185,9 @@ mod tests {
     #[test]
     fn specs_are_read_and_written() {
         let parse = |text: &str| text.parse::<DatasetSpec>();
-        for text in ["replica:a/b", "tum:a:b", "7scenes:/x", "synthetic:12"] {
+        for text in
+            ["replica:a/b", "tum:a:b", "7scenes:/x", "nerfstudio:p", "folder:q", "synthetic:12"]
+        {
             assert_eq!(parse(text).unwrap().to_string(), text);
         }
         assert_eq!(parse("synthetic").unwrap(), DatasetSpec::Synthetic { seed: 7 });
@@ -123,6 +195,9 @@ mod tests {
             let error = parse(text).unwrap_err().to_string();
             assert!(error.starts_with("dataset: expected replica:PATH"), "{text}: {error}");
         }
+        let home = std::env::home_dir().unwrap();
+        assert_eq!(parse("tum:~/desk").unwrap(), DatasetSpec::Tum(home.join("desk")));
+        assert_eq!(parse("tum:a/~/desk").unwrap(), DatasetSpec::Tum("a/~/desk".into()));
         let error = parse("mcap:a").unwrap_err().to_string();
         assert!(error.contains("mcap is not supported yet"), "{error}");
     }
@@ -134,7 +209,7 @@ mod tests {
         let part = DatasetSpec::Synthetic { seed: 5 }.open(range).unwrap();
         assert_eq!((part.name(), part.len(), part.sequence(1)), ("synthetic-5", 2, 149));
         let missing = tempfile::tempdir().unwrap().path().join("missing");
-        for kind in ["replica", "tum", "7scenes"] {
+        for kind in ["replica", "tum", "7scenes", "nerfstudio", "folder"] {
             let spec: DatasetSpec = format!("{kind}:{}", missing.display()).parse().unwrap();
             let error = spec.open(FrameRange::default()).err().unwrap().to_string();
             assert!(error.contains("cannot read") && error.contains("missing"), "{error}");

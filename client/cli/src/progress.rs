@@ -1,7 +1,7 @@
 //! Progress bars on standard error.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lexsplat_client::stream::{FrameStatus, Progress};
+use lexsplat_client::stream::{FrameStatus, Progress, Summary};
 
 /// A bar for `frames` frames.
 pub fn progress_bar(frames: u64) -> ProgressBar {
@@ -29,4 +29,11 @@ pub fn show(bar: &ProgressBar, progress: &Progress) {
         "{:.1} frames/s  {state}  queue {}/{}",
         progress.frames_per_second, progress.queue_depth, progress.queue_capacity
     ));
+}
+
+/// Says on standard error how many frames could not be read, and why the first.
+pub fn tell_left_out(summary: &Summary) {
+    if let [first, ..] = &summary.left_out_frames[..] {
+        eprintln!("lexsplat: {} frames left out: {}", summary.left_out, first.reason);
+    }
 }

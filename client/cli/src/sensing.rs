@@ -1,10 +1,11 @@
 //! Options that several commands share: a simulated sensor, a shaking camera and black frames on top
 //! of a data set.
 
-use crate::dataset::DatasetSpec;
+use crate::dataset::{DatasetSpec, tell};
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use lexsplat_client::dataset::{Dataset, DatasetError, FrameRange};
+use lexsplat_client::stream::Poses;
 use lexsplat_synthetic::sensor::{Blackout, D435, KINECT, PHONE, Preset, Sensed, TOF};
 
 /// Largest shaking, degrees.
@@ -60,18 +61,26 @@ fn degrees(text: &str) -> Result<f64, String> {
 }
 
 impl Sensing {
-    /// Opens the data set with all of it.
+    /// Opens the data set with all of it; without the frames that lack a pose, if poses are to be given. Says
+    /// on standard error what was assumed and left out.
     ///
     /// # Errors
     /// As [`DatasetSpec::open`], and if a recording is to be shaken.
-    pub fn open(&self, spec: &DatasetSpec, range: FrameRange) -> Result<Box<dyn Dataset>> {
+    pub fn open(
+        &self,
+        spec: &DatasetSpec,
+        range: FrameRange,
+        poses: Poses,
+    ) -> Result<Box<dyn Dataset>> {
         if self.shake.is_some() && !matches!(spec, DatasetSpec::Synthetic { .. }) {
             bail!(
                 "--shake: {spec} is recorded, and a recording cannot be taken again: leave it out, or \
                  use synthetic:SEED"
             );
         }
-        Ok(self.applied(spec.whole(self.shake_radians())?, range)?)
+        let dataset = self.applied(spec.whole(self.shake_radians(), poses)?, range)?;
+        tell(&*dataset);
+        Ok(dataset)
     }
 
     /// Shaking about each axis, radians.
@@ -128,8 +137,8 @@ mod tests {
     #[test]
     fn without_options_nothing_is_changed() {
         let spec = DatasetSpec::Synthetic { seed: 3 };
-        let (plain, same) = (spec.open(range()).unwrap(), parsed("").unwrap().open(&spec, range()));
-        let same = same.unwrap();
+        let plain = spec.open(range()).unwrap();
+        let same = parsed("").unwrap().open(&spec, range(), Poses::Given).unwrap();
         assert_eq!((same.len(), same.sequence(1)), (plain.len(), plain.sequence(1)));
         assert_eq!(same.moment(1).unwrap(), plain.moment(1).unwrap());
         assert_eq!(same.simulated(), None);
@@ -140,7 +149,7 @@ mod tests {
         let spec = DatasetSpec::Synthetic { seed: 3 };
         let plain = spec.open(range()).unwrap();
         let sensing = parsed("--sensor tof --sensor-seed 5 --shake 1.5 --blackout 1..2").unwrap();
-        let part = sensing.open(&spec, range()).unwrap();
+        let part = sensing.open(&spec, range(), Poses::Given).unwrap();
         let words = "camera shaken by 1.50 degrees, sensor tof with seed 5, frames 1..2 black";
         assert_eq!((part.len(), part.simulated().as_deref()), (3, Some(words)));
         let pose = |dataset: &dyn Dataset| dataset.moment(1).unwrap().world_from_camera.unwrap();
@@ -163,7 +172,8 @@ mod tests {
             assert!(error.contains(expected), "{words}: {error}");
         }
         let recorded: DatasetSpec = "tum:desk".parse().unwrap();
-        let error = parsed("--shake 1").unwrap().open(&recorded, range()).err().unwrap();
+        let shaken = parsed("--shake 1").unwrap();
+        let error = shaken.open(&recorded, range(), Poses::Given).err().unwrap();
         assert!(error.to_string().contains("--shake: tum:desk is recorded"), "{error}");
     }
 }

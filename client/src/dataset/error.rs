@@ -57,6 +57,16 @@ pub enum DatasetError {
         /// Pixels of the image.
         found: usize,
     },
+    /// No frame has a pose, although poses were to be given.
+    #[error(
+        "{name}: no frame has a pose ({reason}); the server can estimate them (--poses estimate)"
+    )]
+    NoPoses {
+        /// Name of the data set.
+        name: String,
+        /// Why the first frame has none.
+        reason: String,
+    },
     /// The range leaves no frames.
     #[error("no frames from {start} to {end}: the data set has {len}")]
     Range {
@@ -70,9 +80,21 @@ pub enum DatasetError {
 }
 
 impl DatasetError {
+    /// The error with its cause, in one line.
+    pub fn whole(&self) -> String {
+        use std::error::Error as _;
+        self.source().map_or_else(|| self.to_string(), |source| format!("{self}: {source}"))
+    }
+
     /// An error of a whole file or folder.
     pub(crate) fn content(path: &Path, reason: impl Into<String>) -> Self {
         Self::Content { path: path.to_path_buf(), line: None, reason: reason.into() }
+    }
+
+    /// No frame was found; the first reason for one that was left out explains why.
+    pub(super) fn no_frames(path: &Path, expected: &str, skipped: &[String]) -> Self {
+        let first = skipped.first().map_or(String::new(), |reason| format!(" ({reason})"));
+        Self::content(path, format!("{expected}{first}"))
     }
 
     /// An error of a line (from 1).

@@ -2,9 +2,9 @@
 
 use super::error::DatasetError;
 use super::frame::{Color, ColorFormat, Depth, DepthFormat};
-use std::collections::BTreeMap;
+use super::text;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Columns and rows of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,50 +23,15 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|source| DatasetError::File { path: path.into(), source })
 }
 
+/// The text of a file, in any usual encoding.
 pub(super) fn text(path: &Path) -> Result<String, DatasetError> {
-    std::fs::read_to_string(path).map_err(|source| DatasetError::File { path: path.into(), source })
+    Ok(text::decoded(&bytes(path)?))
 }
 
-/// The files of a folder named `before`, number, one of `after`; by number.
-pub(super) fn numbered(
-    folder: &Path,
-    before: &str,
-    after: &[&str],
-) -> Result<BTreeMap<u64, PathBuf>, DatasetError> {
-    let failed = |source| DatasetError::File { path: folder.into(), source };
-    let mut found = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let name = entry.file_name();
-        let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(before)) else { continue };
-        let digits = after.iter().find_map(|after| rest.strip_suffix(after));
-        if let Some(number) = digits.and_then(|digits| digits.parse().ok()) {
-            found.insert(number, entry.path());
-        }
-    }
-    Ok(found)
-}
-
-/// The last part of a path: the name of a data set.
-pub(super) fn name_of(folder: &Path) -> String {
-    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    whole.file_name().map_or_else(|| "dataset".into(), |name| name.to_string_lossy().into_owned())
-}
-
-/// `N` numbers, separated by white space.
-pub(super) fn numbers<const N: usize>(line: &str) -> Result<[f64; N], String> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let parsed: Vec<f64> = words
-        .iter()
-        .map(|word| word.parse().map_err(|_| format!("expected a number, found {word:?}")))
-        .collect::<Result<_, _>>()?;
-    parsed.try_into().map_err(|_| format!("expected {N} numbers, found {}", words.len()))
-}
-
-/// Lines that are neither empty nor comments, with their numbers from 1.
-pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
-    numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+/// The content of a JSON file.
+pub(super) fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, DatasetError> {
+    serde_json::from_str(&text(path)?)
+        .map_err(|error| DatasetError::content(path, error.to_string()))
 }
 
 /// The size in an image's header.

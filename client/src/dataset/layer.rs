@@ -43,6 +43,16 @@ pub trait Layer: Send + Sync {
         self.below().clean_frame(index)
     }
 
+    /// [`Dataset::no_pose`].
+    fn no_pose(&self, index: usize) -> Option<&str> {
+        self.below().no_pose(index)
+    }
+
+    /// [`Dataset::skipped`].
+    fn skipped(&self) -> &[String] {
+        self.below().skipped()
+    }
+
     /// [`Dataset::simulated`].
     fn simulated(&self) -> Option<String> {
         self.below().simulated()
@@ -91,8 +101,16 @@ impl<T: Layer> Dataset for T {
         Layer::simulated(self)
     }
 
+    fn no_pose(&self, index: usize) -> Option<&str> {
+        Layer::no_pose(self, index)
+    }
+
     fn skipped(&self) -> &[String] {
-        self.below().skipped()
+        Layer::skipped(self)
+    }
+
+    fn notes(&self) -> &[String] {
+        self.below().notes()
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

@@ -7,14 +7,25 @@
 
 mod error;
 mod files;
+mod folder;
 mod frame;
+mod inspect;
 mod kinect;
 mod layer;
+mod name;
+mod natural;
+mod nerfstudio;
+mod numbered;
+mod part;
 mod pose;
+mod posed;
 mod range;
+mod recording;
 mod replica;
 mod seven_scenes;
 mod source;
+mod text;
+mod timed;
 mod truth;
 mod tum;
 
@@ -22,10 +33,14 @@ mod tum;
 mod tests;
 
 pub use error::DatasetError;
+pub use folder::Folder;
 pub use frame::{
     Color, ColorFormat, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
+pub use inspect::{DepthSeen, Inspection, inspect};
 pub use layer::Layer;
+pub use nerfstudio::Nerfstudio;
+pub use posed::with_poses;
 pub use range::FrameRange;
 pub use replica::Replica;
 pub use seven_scenes::SevenScenes;

@@ -1,10 +1,54 @@
 //! Poses from text. Matrices are written with few digits, so each is projected to the nearest
 //! rotation (by singular value decomposition) and refused if it is far from one.
 
+use super::error::DatasetError;
+use super::{files, text};
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
+use std::path::Path;
+
+/// Axes of the camera in a pose as it is written.
+#[derive(Clone, Copy, Debug, Default, serde::Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Axes {
+    /// x right, y down, z forward.
+    #[default]
+    OpenCv,
+    /// x right, y up, z back.
+    OpenGl,
+}
+
+impl Axes {
+    /// The pose of the same camera with axes x right, y down, z forward.
+    pub(super) fn to_opencv(self, world_from_camera: &Isometry3<f64>) -> Isometry3<f64> {
+        let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        match self {
+            Self::OpenCv => *world_from_camera,
+            Self::OpenGl => world_from_camera * half_turn,
+        }
+    }
+}
 
 /// Largest change of an entry of a rotation, and of a quaternion's length, that passes.
 const TOLERANCE: f64 = 1e-2;
+
+/// A rigid transform from the text of a 4x4 matrix, or of its first three rows.
+pub(super) fn from_rows(line: &str) -> Result<Isometry3<f64>, String> {
+    if text::words(line).count() == 12 {
+        let upper = text::numbers::<12>(line)?;
+        let last = [0.0, 0.0, 0.0, 1.0];
+        return from_matrix(&std::array::from_fn(|i| if i < 12 { upper[i] } else { last[i - 12] }));
+    }
+    from_matrix(&text::numbers(line)?)
+}
+
+/// The poses of a file with one matrix a line.
+pub(super) fn lines(path: &Path) -> Result<Vec<Result<Isometry3<f64>, String>>, DatasetError> {
+    let content = files::text(path)?;
+    let pose = |(number, line): (usize, &str)| {
+        from_rows(line).map_err(|reason| DatasetError::at_line(path, number, reason).to_string())
+    };
+    Ok(text::lines(&content).map(pose).collect())
+}
 
 /// A rigid transform from a 4x4 matrix, row by row.
 pub(super) fn from_matrix(rows: &[f64; 16]) -> Result<Isometry3<f64>, String> {

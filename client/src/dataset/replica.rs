@@ -1,35 +1,28 @@
-//! Replica layout: `results/frame%06d.jpg` (or `.png`), `results/depth%06d.png`, `traj.txt` (one
-//! `world_from_camera` per line, 4x4 row-major; line `n` from 0 is frame `n`), `cam_params.json`
-//! (`{"camera":{"w","h","fx","fy","cx","cy","scale"}}`, scale in depth units per metre), and
-//! optionally `semantic/%06d.png` (8 or 16 bit, instance ids) with `instances.json`.
+//! Replica layout: `results/frame%06d.jpg` (or `.jpeg`, `.png`), `results/depth%06d.png`, `traj.txt`
+//! (one `world_from_camera` per line, 4x4 row-major; line `n` from 0 is frame `n`), `cam_params.json`
+//! (`{"camera":{"w","h","fx","fy","cx","cy","scale"}}`, scale in depth units per metre) in the folder
+//! or in the one above it, and optionally `semantic/%06d.png` (8 or 16 bit, instance ids) with `instances.json`.
 
 use super::error::DatasetError;
 use super::files::Size;
 use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
+use super::layer::Layer;
+use super::numbered::{self, Pattern};
+use super::recording::{self, Entry, MaybePose, Recording};
 use super::source::Dataset;
 use super::truth::{Instance, Mask, Truth};
-use super::{files, pose};
-use nalgebra::Isometry3;
+use super::{files, name, pose, text};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+
+const COLOR: Pattern = Pattern { before: "frame", between: "", extensions: numbered::COLOR };
+const DEPTH: Pattern = Pattern { before: "depth", between: "", extensions: numbered::DEPTH };
 
 /// A folder in Replica layout.
 #[derive(Debug)]
 pub struct Replica {
-    name: String,
-    intrinsics: Intrinsics,
-    depth_unit_metres: f64,
-    frames: Vec<Entry>,
-    skipped: Vec<String>,
+    recording: Recording,
     labels: Option<Labels>,
-}
-
-#[derive(Debug)]
-struct Entry {
-    sequence: u64,
-    color: PathBuf,
-    depth: PathBuf,
-    world_from_camera: Isometry3<f64>,
 }
 
 #[derive(Debug)]
@@ -48,7 +41,9 @@ struct CamParams {
 
 #[derive(Deserialize)]
 struct CameraParams {
+    #[serde(deserialize_with = "text::whole_number")]
     w: u32,
+    #[serde(deserialize_with = "text::whole_number")]
     h: u32,
     fx: f64,
     fy: f64,
@@ -61,51 +56,44 @@ impl Replica {
     /// Finds the files and reads camera, poses and instances.
     ///
     /// # Errors
-    /// [`DatasetError`] if a file is missing or damaged.
+    /// [`DatasetError`] if the camera is missing or damaged, or no frame is there.
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let (intrinsics, depth_unit_metres) = camera(&folder.join("cam_params.json"))?;
+        let parameters = parameters(folder);
+        let (intrinsics, depth_unit_metres) = camera(&parameters)?;
         let results = folder.join("results");
-        let colors = files::numbered(&results, "frame", &[".jpg", ".png"])?;
-        let mut depths = files::numbered(&results, "depth", &[".png"])?;
-        let trajectory = folder.join("traj.txt");
-        let poses = poses(&trajectory)?;
-        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
-        for (sequence, color) in colors {
-            let Some(depth) = depths.remove(&sequence) else {
-                let reason = format!("expected depth{sequence:06}.png beside it, found none");
-                return Err(DatasetError::content(&color, reason));
-            };
-            match usize::try_from(sequence).ok().and_then(|n| poses.get(n)) {
-                Some(Ok(pose)) => {
-                    frames.push(Entry { sequence, color, depth, world_from_camera: *pose });
-                }
-                Some(Err(reason)) => skipped.push(reason.clone()),
-                None => {
-                    let reason = format!(
-                        "expected a pose for frame {sequence}, found only {} lines",
-                        poses.len()
-                    );
-                    return Err(DatasetError::content(&trajectory, reason));
-                }
-            }
-        }
-        let Some(first) = frames.first() else {
-            let reason = "expected frame%06d.jpg with a valid pose, found none";
-            return Err(DatasetError::content(&results, reason));
+        let numbered::Pairs { frames: pairs, skipped } = numbered::pairs(&results, &COLOR, &DEPTH)?;
+        let poses = Poses::read(folder.join("traj.txt"))?;
+        let entry = |(sequence, color, depth)| {
+            let (nanos, world_from_camera) = (counted_nanos(sequence), poses.of(sequence));
+            Entry { sequence, nanos, color, depth, world_from_camera }
         };
-        let size = Size { width: intrinsics.width, height: intrinsics.height };
-        files::check_size(&first.color, size)?;
-        files::check_size(&first.depth, size)?;
+        let frames: Vec<Entry> = pairs.into_iter().map(entry).collect();
+        let Some(first) = frames.first() else {
+            let expected = "expected frame%06d.jpg and depth%06d.png, found none";
+            return Err(DatasetError::no_frames(&results, expected, &skipped));
+        };
+        let (found, Intrinsics { width, height, .. }) = (recording::size(&frames)?, intrinsics);
+        let size = Size { width, height };
+        if found != size {
+            let reason = format!("expected {size} pixels as in cam_params.json, found {found}");
+            return Err(DatasetError::content(&first.color, reason));
+        }
         let sequences = frames.iter().map(|frame| frame.sequence).collect();
         let labels = Labels::open(folder, sequences, size)?;
-        let name = files::name_of(folder);
-        Ok(Self { name, intrinsics, depth_unit_metres, frames, skipped, labels })
+        let (name, notes) = (name::of(folder), Vec::new());
+        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        Ok(Self { recording, labels })
     }
 }
 
+/// `cam_params.json` of the folder, or the one beside it that several scenes share.
+fn parameters(folder: &Path) -> PathBuf {
+    let (own, shared) = (folder.join("cam_params.json"), folder.join("../cam_params.json"));
+    if !own.is_file() && shared.is_file() { shared } else { own }
+}
+
 fn camera(path: &Path) -> Result<(Intrinsics, f64), DatasetError> {
-    let CamParams { camera: c } = serde_json::from_str(&files::text(path)?)
-        .map_err(|error| DatasetError::content(path, error.to_string()))?;
+    let CamParams { camera: c } = files::json(path)?;
     if !(c.scale.is_finite() && c.scale > 0.0) {
         let reason = format!("camera.scale: expected depth units per metre, found {}", c.scale);
         return Err(DatasetError::content(path, reason));
@@ -114,16 +102,34 @@ fn camera(path: &Path) -> Result<(Intrinsics, f64), DatasetError> {
     Ok((intrinsics, 1.0 / c.scale))
 }
 
-/// One pose for each line, or the reason why the line has no valid one.
-fn poses(path: &Path) -> Result<Vec<Result<Isometry3<f64>, String>>, DatasetError> {
-    let text = files::text(path)?;
-    let parse = |(number, line): (usize, &str)| {
-        let matrix = files::numbers::<16>(line)
-            .map_err(|reason| DatasetError::at_line(path, number, reason))?;
-        let named = |reason| DatasetError::at_line(path, number, reason).to_string();
-        Ok(pose::from_matrix(&matrix).map_err(named))
-    };
-    files::lines(&text).map(parse).collect()
+/// The poses of `traj.txt`, one a line.
+struct Poses {
+    path: PathBuf,
+    /// `None` without a file.
+    lines: Option<Vec<MaybePose>>,
+}
+
+impl Poses {
+    fn read(path: PathBuf) -> Result<Self, DatasetError> {
+        if !path.is_file() {
+            return Ok(Self { path, lines: None });
+        }
+        let lines = Some(pose::lines(&path)?);
+        Ok(Self { path, lines })
+    }
+
+    /// The pose of a frame: line `n` from 0 is frame `n`.
+    fn of(&self, sequence: u64) -> MaybePose {
+        let missing = |reason: String| Err(DatasetError::content(&self.path, reason).to_string());
+        let Some(lines) = &self.lines else { return missing("there is no such file".into()) };
+        let at = usize::try_from(sequence).ok();
+        at.and_then(|at| lines.get(at)).cloned().unwrap_or_else(|| {
+            missing(format!(
+                "expected a pose for frame {sequence}, found only {} lines",
+                lines.len()
+            ))
+        })
+    }
 }
 
 impl Labels {
@@ -133,8 +139,7 @@ impl Labels {
         if !list.is_file() || !folder.is_dir() {
             return Ok(None);
         }
-        let instances = serde_json::from_str(&files::text(&list)?)
-            .map_err(|error| DatasetError::content(&list, error.to_string()))?;
+        let instances = files::json(&list)?;
         Ok(Some(Self { folder, instances, sequences, size }))
     }
 }
@@ -169,40 +174,13 @@ impl Truth for Labels {
     }
 }
 
-impl Dataset for Replica {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn len(&self) -> usize {
-        self.frames.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.intrinsics
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        self.depth_unit_metres
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.frames[index].sequence
+impl Layer for Replica {
+    fn below(&self) -> &dyn Dataset {
+        &self.recording
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let entry = &self.frames[index];
-        Ok(RgbdFrame {
-            sequence: entry.sequence,
-            timestamp_nanos: counted_nanos(entry.sequence),
-            color: files::color(&entry.color)?,
-            depth: files::depth(&entry.depth)?,
-            world_from_camera: Some(entry.world_from_camera),
-        })
-    }
-
-    fn skipped(&self) -> &[String] {
-        &self.skipped
+        self.recording.frame(index)
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

@@ -1,82 +1,87 @@
-//! 7-Scenes layout: `frame-%06d.color.jpg` (or `.png`), `frame-%06d.depth.png` (millimetres; 0 and
-//! 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and optionally
-//! `camera-intrinsics.txt` (3x3; the Kinect's 585, 585, 320, 240 if missing). Numbers may have
-//! gaps: a frame keeps its number. With the Kinect's own intrinsics color is not registered to
+//! 7-Scenes layout: `frame-%06d.color.jpg` (or `.jpeg`, `.png`), `frame-%06d.depth.png` (millimetres;
+//! 0 and 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and
+//! `camera-intrinsics.txt` (3x3), without which pictures of 640x480 are taken to be the Kinect's (585, 585,
+//! 320, 240), which [`Dataset::notes`] says. Numbers may have gaps: a frame keeps its number. With the Kinect's own intrinsics color is not registered to
 //! depth in these files, and is brought there ([`kinect`]); with other intrinsics it is taken as it
 //! is.
 
 use super::error::DatasetError;
 use super::files::Size;
 use super::frame::{Color, ColorFormat, Intrinsics, RgbdFrame, counted_nanos};
+use super::layer::Layer;
+use super::numbered::{self, Pattern};
+use super::recording::{self, Entry, MaybePose, Recording};
 use super::source::Dataset;
-use super::{files, kinect, pose};
+use super::{files, kinect, name, pose, text};
 use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, Luma, codecs::png};
-use nalgebra::Isometry3;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const NO_MEASUREMENT: u16 = u16::MAX;
+const COLOR: Pattern = Pattern { before: "frame-", between: ".color", extensions: numbered::COLOR };
+const DEPTH: Pattern = Pattern { before: "frame-", between: ".depth", extensions: numbered::DEPTH };
+/// The Kinect's pictures.
+const KINECT_SIZE: Size = Size { width: 640, height: 480 };
+const CAMERA_FILE: &str = "camera-intrinsics.txt";
 
 /// A sequence in 7-Scenes layout.
 #[derive(Debug)]
 pub struct SevenScenes {
-    name: String,
-    intrinsics: Intrinsics,
-    frames: Vec<Entry>,
-    skipped: Vec<String>,
-}
-
-#[derive(Debug)]
-struct Entry {
-    sequence: u64,
-    color: PathBuf,
-    depth: PathBuf,
-    world_from_camera: Isometry3<f64>,
+    recording: Recording,
 }
 
 impl SevenScenes {
     /// Finds the files and reads camera and poses.
     ///
     /// # Errors
-    /// [`DatasetError`] if a file is missing or damaged.
+    /// [`DatasetError`] if no frame is there, or the camera is missing or damaged.
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let colors = files::numbered(folder, "frame-", &[".color.jpg", ".color.png"])?;
-        let mut depths = files::numbered(folder, "frame-", &[".depth.png"])?;
-        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
-        for (sequence, color) in colors {
-            let Some(depth) = depths.remove(&sequence) else {
-                let reason =
-                    format!("expected frame-{sequence:06}.depth.png beside it, found none");
-                return Err(DatasetError::content(&color, reason));
-            };
-            let path = folder.join(format!("frame-{sequence:06}.pose.txt"));
-            let matrix = files::numbers::<16>(&files::text(&path)?)
-                .map_err(|reason| DatasetError::content(&path, reason))?;
-            match pose::from_matrix(&matrix) {
-                Ok(world_from_camera) => {
-                    frames.push(Entry { sequence, color, depth, world_from_camera });
-                }
-                Err(reason) => skipped.push(DatasetError::content(&path, reason).to_string()),
-            }
-        }
-        let Some(first) = frames.first() else {
-            let reason = "expected frame-%06d.color.jpg (or .png) with a valid pose, found none; \
-                          name one sequence, such as its folder seq-01";
-            return Err(DatasetError::content(folder, reason));
+        let numbered::Pairs { frames: pairs, skipped } = numbered::pairs(folder, &COLOR, &DEPTH)?;
+        let entry = |(sequence, color, depth)| {
+            let world_from_camera = pose(&folder.join(format!("frame-{sequence:06}.pose.txt")));
+            Entry { sequence, nanos: counted_nanos(sequence), color, depth, world_from_camera }
         };
-        let size = files::size(&first.color)?;
-        files::check_size(&first.depth, size)?;
-        let intrinsics = intrinsics(&folder.join("camera-intrinsics.txt"), size)?;
-        Ok(Self { name: files::name_of(folder), intrinsics, frames, skipped })
+        let frames: Vec<Entry> = pairs.into_iter().map(entry).collect();
+        if frames.is_empty() {
+            let expected = "expected frame-%06d.color.jpg (or .png) and frame-%06d.depth.png, found \
+                            none; name one sequence, such as its folder seq-01";
+            return Err(DatasetError::no_frames(folder, expected, &skipped));
+        }
+        let mut notes = Vec::new();
+        let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
+        let (name, depth_unit_metres) = (name::of(folder), 0.001);
+        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        Ok(Self { recording })
     }
 }
 
-fn intrinsics(path: &Path, size: Size) -> Result<Intrinsics, DatasetError> {
+fn pose(path: &Path) -> MaybePose {
+    let text = files::text(path).map_err(|error| error.whole())?;
+    pose::from_rows(&text).map_err(|reason| DatasetError::content(path, reason).to_string())
+}
+
+/// The camera of the file, or the Kinect's if the pictures have its size.
+fn intrinsics(
+    folder: &Path,
+    size: Size,
+    notes: &mut Vec<String>,
+) -> Result<Intrinsics, DatasetError> {
+    let path = folder.join(CAMERA_FILE);
     let [fx, fy, cx, cy] = if path.is_file() {
-        let [fx, _, cx, _, fy, cy, _, _, _] = files::numbers::<9>(&files::text(path)?)
-            .map_err(|reason| DatasetError::content(path, reason))?;
+        let [fx, _, cx, _, fy, cy, _, _, _] = text::numbers::<9>(&files::text(&path)?)
+            .map_err(|reason| DatasetError::content(&path, reason))?;
         [fx, fy, cx, cy]
-    } else {
+    } else if size == KINECT_SIZE {
+        let [fx, fy, cx, cy] = kinect::DEPTH;
+        notes.push(format!(
+            "{} has no {CAMERA_FILE}: taken to be the benchmark's Kinect, fx fy cx cy = {fx} {fy} {cx} {cy}",
+            folder.display()
+        ));
         kinect::DEPTH
+    } else {
+        let reason = format!(
+            "expected {CAMERA_FILE} (3x3), since pictures of {size} pixels are not the benchmark's"
+        );
+        return Err(DatasetError::content(folder, reason));
     };
     Ok(Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy })
 }
@@ -115,72 +120,44 @@ fn encoded(
 impl SevenScenes {
     /// Whether color and depth come from the Kinect's two cameras and are not registered.
     fn is_unregistered(&self) -> bool {
-        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.recording.intrinsics;
         (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
-    }
-
-    /// The color image, registered to the depth image.
-    fn color(&self, entry: &Entry, units: &Units) -> Result<Color, DatasetError> {
-        let color = files::color(&entry.color)?;
-        if !self.is_unregistered() {
-            return Ok(color);
-        }
-        let failed = |source| DatasetError::Picture { path: entry.color.clone(), source };
-        let picture = image::load_from_memory(&color.bytes).map_err(failed)?.into_rgb8();
-        if picture.dimensions() != units.dimensions() {
-            let (width, height) = units.dimensions();
-            let reason = format!("expected {width}x{height} pixels as its depth has");
-            return Err(DatasetError::content(&entry.color, reason));
-        }
-        let seen = kinect::registered(&picture, units);
-        let size = Size { width: seen.width(), height: seen.height() };
-        let bytes = encoded(&seen, size, ExtendedColorType::Rgb8, entry.sequence)?;
-        Ok(Color { format: ColorFormat::Png, bytes })
     }
 }
 
-impl Dataset for SevenScenes {
-    fn name(&self) -> &str {
-        &self.name
+/// The color image, registered to the depth image.
+fn registered(entry: &Entry, color: &Color, units: &Units) -> Result<Color, DatasetError> {
+    let failed = |source| DatasetError::Picture { path: entry.color.clone(), source };
+    let picture = image::load_from_memory(&color.bytes).map_err(failed)?.into_rgb8();
+    if picture.dimensions() != units.dimensions() {
+        let (width, height) = units.dimensions();
+        let reason = format!("expected {width}x{height} pixels as its depth has");
+        return Err(DatasetError::content(&entry.color, reason));
     }
+    let seen = kinect::registered(&picture, units);
+    let size = Size { width: seen.width(), height: seen.height() };
+    let bytes = encoded(&seen, size, ExtendedColorType::Rgb8, entry.sequence)?;
+    Ok(Color { format: ColorFormat::Png, bytes })
+}
 
-    fn len(&self) -> usize {
-        self.frames.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.intrinsics
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        0.001
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.frames[index].sequence
+impl Layer for SevenScenes {
+    fn below(&self) -> &dyn Dataset {
+        &self.recording
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let entry = &self.frames[index];
-        let mut depth = files::depth(&entry.depth)?;
-        let (units, is_whole) = units(&entry.depth, &depth.bytes)?;
-        let color = self.color(entry, &units)?;
+        let entry = &self.recording.frames[index];
+        let mut frame = self.recording.frame(index)?;
+        let (units, is_whole) = units(&entry.depth, &frame.depth.bytes)?;
+        if self.is_unregistered() {
+            frame.color = registered(entry, &frame.color, &units)?;
+        }
         if !is_whole {
             // The encoder takes samples in native byte order.
             let samples: Vec<u8> = units.iter().flat_map(|unit| unit.to_ne_bytes()).collect();
             let size = Size { width: units.width(), height: units.height() };
-            depth.bytes = encoded(&samples, size, ExtendedColorType::L16, entry.sequence)?;
+            frame.depth.bytes = encoded(&samples, size, ExtendedColorType::L16, entry.sequence)?;
         }
-        Ok(RgbdFrame {
-            sequence: entry.sequence,
-            timestamp_nanos: counted_nanos(entry.sequence),
-            color,
-            depth,
-            world_from_camera: Some(entry.world_from_camera),
-        })
-    }
-
-    fn skipped(&self) -> &[String] {
-        &self.skipped
+        Ok(frame)
     }
 }

@@ -55,8 +55,18 @@ pub trait Dataset: Send + Sync {
         None
     }
 
+    /// Why frame `index` has no pose, in words; `None` if it has one, or if nothing more is known.
+    fn no_pose(&self, _index: usize) -> Option<&str> {
+        None
+    }
+
     /// Reasons for frames left out when the data set was opened, one line per frame.
     fn skipped(&self) -> &[String] {
+        &[]
+    }
+
+    /// What was assumed when the data set was opened, such as a camera that no file describes; in words.
+    fn notes(&self) -> &[String] {
         &[]
     }
 

@@ -1,11 +1,13 @@
 //! Ground truth about the objects of a scene: instances, and which pixels show them.
 
 use super::error::DatasetError;
+use super::text::whole_number;
 
 /// An object in a scene, or a part of the room itself such as a wall.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
 pub struct Instance {
     /// Value of its pixels in the masks, from 1.
+    #[serde(deserialize_with = "whole_number")]
     pub id: u16,
     /// Unique name, such as `chair_2`.
     pub name: String,

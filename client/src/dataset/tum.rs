@@ -1,221 +1,197 @@
 //! TUM RGB-D layout: `rgb.txt` and `depth.txt` (`timestamp file` per line), `groundtruth.txt`
 //! (`timestamp tx ty tz qx qy qz qw`, `world_from_camera`), depth in units of 1/5000 m. Pictures
 //! are paired with depth at most 0.02 s away, each used once, and with the nearest pose at most
-//! 0.08 s away. Intrinsics: `camera.txt` or `calibration.txt` (`fx fy cx cy`), else by `fr1`, `fr2`
-//! or `fr3` (`freiburg1`, …) in the folder's name, else the driver's default. A frame's number is
-//! its picture's place in `rgb.txt`, from 0.
+//! 0.08 s away. Intrinsics: `camera.txt` or `calibration.txt` (`fx fy cx cy`); for pictures of 640x480
+//! without a file, by the word `fr1`, `fr2` or `fr3` (`freiburg1`, …) in the folder's name, else the
+//! driver's default, both of which [`Dataset::notes`] says. A frame's number is its picture's place in
+//! `rgb.txt`, from 0.
+//!
+//! Without `rgb.txt`, a list of pairs is read (ICL-NUIM's `associations.txt`: `timestamp file timestamp file` per
+//! line, the file with `depth` in its name is depth), and without `groundtruth.txt` a `*.gt.freiburg`.
 
 use super::error::DatasetError;
-use super::files::Size;
+use super::files::{self, Size};
 use super::frame::{Intrinsics, RgbdFrame};
+use super::layer::Layer;
+use super::recording::{self, Entry, Recording};
 use super::source::Dataset;
-use super::{files, pose};
-use nalgebra::Isometry3;
+use super::timed::{self, Timed, TimedPoses};
+use super::{name, text};
 use std::path::{Path, PathBuf};
 
 const DEPTH_UNIT_METRES: f64 = 1.0 / 5000.0;
-const DEPTH_WITHIN_NANOS: u64 = 20_000_000;
-const POSE_WITHIN_NANOS: u64 = 80_000_000;
+/// The benchmark's pictures.
+const BENCHMARK_SIZE: Size = Size { width: 640, height: 480 };
 /// fx, fy, cx, cy of the driver.
 const DEFAULT: [f64; 4] = [525.0, 525.0, 319.5, 239.5];
 /// fx, fy, cx, cy of the three cameras of the benchmark.
-const CALIBRATED: [(&str, [f64; 4]); 3] = [
-    ("1", [517.3, 516.5, 318.6, 255.3]),
-    ("2", [520.9, 521.0, 325.1, 249.7]),
-    ("3", [535.4, 539.2, 320.1, 247.6]),
+const CALIBRATED: [([&str; 2], [f64; 4]); 3] = [
+    (["fr1", "freiburg1"], [517.3, 516.5, 318.6, 255.3]),
+    (["fr2", "freiburg2"], [520.9, 521.0, 325.1, 249.7]),
+    (["fr3", "freiburg3"], [535.4, 539.2, 320.1, 247.6]),
 ];
+/// Lists of pairs.
+const PAIRS: [&str; 3] = ["associations.txt", "associated.txt", "associate.txt"];
+const CAMERA_FILES: [&str; 2] = ["camera.txt", "calibration.txt"];
 
 /// A folder in TUM layout.
 #[derive(Debug)]
 pub struct Tum {
-    name: String,
-    intrinsics: Intrinsics,
-    frames: Vec<Entry>,
-    skipped: Vec<String>,
-}
-
-#[derive(Debug)]
-struct Entry {
-    sequence: u64,
-    nanos: u64,
-    color: PathBuf,
-    depth: PathBuf,
-    world_from_camera: Option<Isometry3<f64>>,
-}
-
-/// A pose, or the reason why a line has no valid one.
-type MaybePose = Result<Isometry3<f64>, String>;
-
-/// A line of a list with its time.
-struct Timed<T> {
-    nanos: u64,
-    value: T,
+    recording: Recording,
 }
 
 impl Tum {
     /// Finds the files, pairs them and reads camera and poses.
     ///
     /// # Errors
-    /// [`DatasetError`] if a file is missing or damaged.
+    /// [`DatasetError`] if a list or the camera is missing or damaged, or no frame is there.
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let colors = file_list(folder, "rgb.txt")?;
-        let depths = file_list(folder, "depth.txt")?;
-        let trajectory = folder.join("groundtruth.txt");
-        let poses = if trajectory.is_file() { Some(poses(&trajectory)?) } else { None };
-        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
-        for (at, depth) in pair(&colors, &depths) {
+        let [colors, depths] = lists(folder)?;
+        let poses = TimedPoses::read(trajectory(folder))?;
+        let pairs = timed::pair(&colors, &depths);
+        let entry = |&(at, depth): &(usize, usize)| {
             let Timed { nanos, value: color } = &colors[at];
-            let world_from_camera = match poses.as_deref().map(|poses| pose_at(poses, *nanos)) {
-                None => None,
-                Some(Ok(pose)) => Some(pose),
-                Some(Err(reason)) => {
-                    skipped.push(DatasetError::content(color, reason).to_string());
-                    continue;
-                }
-            };
             let (color, depth) = (color.clone(), depths[depth].value.clone());
-            let sequence = at as u64;
-            frames.push(Entry { sequence, nanos: *nanos, color, depth, world_from_camera });
-        }
-        let Some(first) = frames.first() else {
-            let reason = "expected pictures with depth at most 0.02 s and a pose at most 0.08 s \
-                          away, found none";
-            return Err(DatasetError::content(folder, reason));
+            let (sequence, world_from_camera) = (at as u64, poses.at(*nanos, &color));
+            Entry { sequence, nanos: *nanos, color, depth, world_from_camera }
         };
-        let size = files::size(&first.color)?;
-        files::check_size(&first.depth, size)?;
-        let name = files::name_of(folder);
-        let intrinsics = intrinsics(folder, &name, size)?;
-        Ok(Self { name, intrinsics, frames, skipped })
+        let frames: Vec<Entry> = pairs.iter().map(entry).collect();
+        if frames.is_empty() {
+            let reason = "expected pictures with depth at most 0.02 s away, found none";
+            return Err(DatasetError::content(folder, reason));
+        }
+        let unpaired = (0..colors.len()).filter(|at| pairs.iter().all(|(paired, _)| paired != at));
+        let skipped = unpaired.map(|at| {
+            let reason = "expected depth at most 0.02 s away, found none";
+            DatasetError::content(&colors[at].value, reason).to_string()
+        });
+        let (skipped, mut notes) = (skipped.collect(), Vec::new());
+        let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
+        let (name, depth_unit_metres) = (name::of(folder), DEPTH_UNIT_METRES);
+        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        Ok(Self { recording })
     }
+}
+
+/// Pictures, by time.
+type Pictures = Vec<Timed<PathBuf>>;
+
+/// Color and depth.
+fn lists(folder: &Path) -> Result<[Pictures; 2], DatasetError> {
+    let pairs = PAIRS.map(|name| folder.join(name)).into_iter().find(|path| path.is_file());
+    let Some(path) = pairs.filter(|_| !folder.join("rgb.txt").is_file()) else {
+        return Ok([file_list(folder, "rgb.txt")?, file_list(folder, "depth.txt")?]);
+    };
+    let (mut colors, mut depths) = (Vec::new(), Vec::new());
+    for Timed { nanos, value: (first, other_nanos, second) } in
+        timed::list(&path, |_, rest| pair_of(rest))?
+    {
+        for (nanos, file) in [(nanos, first), (other_nanos, second)] {
+            let list = if file.contains("depth") { &mut depths } else { &mut colors };
+            list.push(Timed { nanos, value: listed(folder, &file) });
+        }
+    }
+    colors.sort_by_key(|color| color.nanos);
+    depths.sort_by_key(|depth| depth.nanos);
+    Ok([colors, depths])
+}
+
+/// `file timestamp file`.
+fn pair_of(rest: &str) -> Result<(String, u64, String), String> {
+    match text::words(rest).collect::<Vec<_>>()[..] {
+        [first, stamp, second] => Ok((first.to_owned(), text::nanos(stamp)?, second.to_owned())),
+        _ => Err("expected timestamp, file, timestamp, file".into()),
+    }
+}
+
+/// The file of poses.
+fn trajectory(folder: &Path) -> PathBuf {
+    let usual = folder.join("groundtruth.txt");
+    if usual.is_file() {
+        return usual;
+    }
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_other = |path: &PathBuf| path.to_string_lossy().ends_with(".gt.freiburg");
+    entries.map(|entry| entry.path()).filter(is_other).min().unwrap_or(usual)
 }
 
 /// `timestamp file` per line, by time.
-fn file_list(folder: &Path, name: &str) -> Result<Vec<Timed<PathBuf>>, DatasetError> {
-    timed(&folder.join(name), |rest| match rest {
+fn file_list(folder: &Path, name: &str) -> Result<Pictures, DatasetError> {
+    timed::list(&folder.join(name), |_, rest| match rest.trim_matches('"') {
         "" => Err("expected a timestamp and a file, found no file".into()),
-        file => Ok(folder.join(file)),
+        file => Ok(listed(folder, file)),
     })
 }
 
-fn poses(path: &Path) -> Result<Vec<Timed<MaybePose>>, DatasetError> {
-    timed(path, |rest| Ok(pose::from_tum(&files::numbers(rest)?)))
+/// A file in a list, which may have been written where folders are separated by backslashes.
+fn listed(folder: &Path, file: &str) -> PathBuf {
+    let path = folder.join(file);
+    if file.contains('\\') && !path.exists() { folder.join(file.replace('\\', "/")) } else { path }
 }
 
-/// A list whose lines start with a timestamp, by time.
-fn timed<T>(
-    path: &Path,
-    parse: impl Fn(&str) -> Result<T, String>,
-) -> Result<Vec<Timed<T>>, DatasetError> {
-    let text = files::text(path)?;
-    let mut list = Vec::new();
-    for (number, line) in files::lines(&text) {
-        let (stamp, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        let nanos = nanos(stamp).ok_or_else(|| format!("expected seconds, found {stamp:?}"));
-        let entry = nanos.and_then(|nanos| Ok(Timed { nanos, value: parse(rest.trim())? }));
-        list.push(entry.map_err(|reason| DatasetError::at_line(path, number, reason))?);
-    }
-    list.sort_by_key(|entry| entry.nanos);
-    Ok(list)
-}
-
-/// Nanoseconds of decimal seconds, exactly: an `f64` cannot hold microseconds since 1970.
-fn nanos(seconds: &str) -> Option<u64> {
-    let (whole, fraction) = seconds.split_once('.').unwrap_or((seconds, ""));
-    let digits = fraction.get(..fraction.len().min(9))?;
-    if !fraction.bytes().all(|b| b.is_ascii_digit()) {
-        return None;
-    }
-    let fraction: u64 = format!("{digits:0<9}").parse().ok()?;
-    whole.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(fraction)
-}
-
-/// Pairs of indices into the two lists, closest in time first served, in the order of the first.
-fn pair<A, B>(first: &[Timed<A>], second: &[Timed<B>]) -> Vec<(usize, usize)> {
-    let mut close = Vec::new();
-    for (i, a) in first.iter().enumerate() {
-        let from = second.partition_point(|b| b.nanos + DEPTH_WITHIN_NANOS < a.nanos);
-        let near = second.iter().enumerate().skip(from);
-        let near = near.map(|(j, b)| (a.nanos.abs_diff(b.nanos), i, j));
-        close.extend(near.take_while(|(apart, ..)| *apart <= DEPTH_WITHIN_NANOS));
-    }
-    close.sort_unstable();
-    let (mut used_first, mut used_second) = (vec![false; first.len()], vec![false; second.len()]);
-    let mut pairs = Vec::new();
-    for (_, i, j) in close {
-        if !used_first[i] && !used_second[j] {
-            (used_first[i], used_second[j]) = (true, true);
-            pairs.push((i, j));
-        }
-    }
-    pairs.sort_unstable();
-    pairs
-}
-
-/// The nearest pose in time, or the reason why there is none.
-fn pose_at(poses: &[Timed<MaybePose>], nanos: u64) -> Result<Isometry3<f64>, String> {
-    let after = poses.partition_point(|pose| pose.nanos < nanos);
-    let around = &poses[after.saturating_sub(1)..poses.len().min(after + 1)];
-    let nearest = around.iter().min_by_key(|pose| pose.nanos.abs_diff(nanos));
-    match nearest {
-        Some(pose) if pose.nanos.abs_diff(nanos) <= POSE_WITHIN_NANOS => pose.value.clone(),
-        _ => Err("expected a pose at most 0.08 s away, found none".into()),
-    }
-}
-
-fn intrinsics(folder: &Path, name: &str, size: Size) -> Result<Intrinsics, DatasetError> {
-    let given = ["camera.txt", "calibration.txt"].map(|file| folder.join(file));
+/// The camera of a file, of the benchmark, or the driver's. The last two only for pictures of their size.
+fn intrinsics(
+    folder: &Path,
+    size: Size,
+    notes: &mut Vec<String>,
+) -> Result<Intrinsics, DatasetError> {
+    let given = CAMERA_FILES.map(|file| folder.join(file));
     let [fx, fy, cx, cy] = match given.iter().find(|path| path.is_file()) {
-        Some(path) => {
-            let text = files::text(path)?;
-            let (number, line) = files::lines(&text)
-                .next()
-                .ok_or_else(|| DatasetError::content(path, "expected fx fy cx cy"))?;
-            let words: Vec<&str> = line.split_whitespace().take(4).collect();
-            files::numbers(&words.join(" "))
-                .map_err(|reason| DatasetError::at_line(path, number, reason))?
+        Some(path) => camera_file(path, notes)?,
+        None if size == BENCHMARK_SIZE => assumed(folder, notes),
+        None => {
+            let reason = format!(
+                "expected camera.txt (fx fy cx cy, pixels), since pictures of {size} pixels are not the                  benchmark's"
+            );
+            return Err(DatasetError::content(folder, reason));
         }
-        None => CALIBRATED
-            .iter()
-            .find(|(n, _)| ["fr", "freiburg"].iter().any(|b| name.contains(&format!("{b}{n}"))))
-            .map_or(DEFAULT, |(_, camera)| *camera),
     };
     Ok(Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy })
 }
 
-impl Dataset for Tum {
-    fn name(&self) -> &str {
-        &self.name
+/// `fx fy cx cy`, which coefficients of a distortion may follow.
+fn camera_file(path: &Path, notes: &mut Vec<String>) -> Result<[f64; 4], DatasetError> {
+    let content = files::text(path)?;
+    let (number, line) = text::lines(&content)
+        .next()
+        .ok_or_else(|| DatasetError::content(path, "expected fx fy cx cy"))?;
+    let words: Vec<&str> = text::words(line).collect();
+    let (camera, more) = words.split_at(words.len().min(4));
+    if more.iter().any(|word| word.parse() != Ok(0.0)) {
+        notes.push(format!(
+            "{}: the distortion {} is not used: pictures are taken as if the lens were straight;              undistort them first if that is too coarse",
+            path.display(),
+            more.join(" ")
+        ));
     }
+    text::numbers(&camera.join(" ")).map_err(|reason| DatasetError::at_line(path, number, reason))
+}
 
-    fn len(&self) -> usize {
-        self.frames.len()
-    }
+/// The camera that the folder's name says, as given or behind a link, or else the driver's.
+fn assumed(folder: &Path, notes: &mut Vec<String>) -> [f64; 4] {
+    let behind = folder.canonicalize().ok();
+    let paths = [Some(folder), behind.as_deref()].into_iter().flatten();
+    let name = paths.filter_map(name::last_part).collect::<Vec<_>>().join(" ").to_lowercase();
+    let words: Vec<&str> = name.split(|c: char| !c.is_alphanumeric()).collect();
+    let known = CALIBRATED.iter().find(|(names, _)| names.iter().any(|name| words.contains(name)));
+    let (whose, camera) = match known {
+        Some(([_, name], camera)) => (format!("the benchmark's {name}"), *camera),
+        None => ("a Kinect as its driver describes it".into(), DEFAULT),
+    };
+    let [fx, fy, cx, cy] = camera;
+    notes.push(format!(
+        "{} has no camera.txt: taken to be {whose}, fx fy cx cy = {fx} {fy} {cx} {cy}",
+        folder.display()
+    ));
+    camera
+}
 
-    fn intrinsics(&self) -> Intrinsics {
-        self.intrinsics
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        DEPTH_UNIT_METRES
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.frames[index].sequence
+impl Layer for Tum {
+    fn below(&self) -> &dyn Dataset {
+        &self.recording
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let entry = &self.frames[index];
-        Ok(RgbdFrame {
-            sequence: entry.sequence,
-            timestamp_nanos: entry.nanos,
-            color: files::color(&entry.color)?,
-            depth: files::depth(&entry.depth)?,
-            world_from_camera: entry.world_from_camera,
-        })
-    }
-
-    fn skipped(&self) -> &[String] {
-        &self.skipped
+        self.recording.frame(index)
     }
 }

@@ -18,5 +18,5 @@ pub use connection::{Acks, FrameSender, FrameStream, MapSpec};
 pub use error::ClientError;
 pub use lexsplat_proto::v1::{FrameAck, FrameStatus};
 pub use options::{Encoder, Poses, StreamOptions};
-pub use summary::{InputWarning, Progress, Refusal, Summary};
+pub use summary::{InputWarning, LeftOut, Progress, Refusal, Summary};
 pub use upload::stream;

@@ -23,30 +23,42 @@ pub(super) struct Producer {
 }
 
 impl Producer {
-    /// Sends all frames, or stops when the stream has ended; the acknowledgements have the reason.
-    pub(super) fn run(self) -> Result<(), ClientError> {
-        let mut pace = None;
+    /// Sends the frames that can be read, or stops when the stream has ended; the acknowledgements have the
+    /// reason. Returns the frames that were left out, each with its error.
+    pub(super) fn run(self) -> Vec<(u64, ClientError)> {
+        let (mut pace, mut left_out) = (None, Vec::new());
         for &index in &self.indices {
-            let frame = self.dataset.frame(index)?;
-            if self.needs_poses && frame.world_from_camera.is_none() {
-                return Err(ClientError::NoPose { sequence: frame.sequence });
-            }
+            let wire = match self.read(index) {
+                Ok(wire) => wire,
+                Err(error) => {
+                    left_out.push((self.dataset.sequence(index), error));
+                    continue;
+                }
+            };
             if self.realtime {
-                pace.get_or_insert_with(|| Pace::new(frame.timestamp_nanos))
-                    .wait(frame.timestamp_nanos);
-            }
-            let sequence = frame.sequence;
-            let mut wire = wire_frame(frame);
-            wire.held_out = self.is_held_out(index);
-            if let Some(truth) = self.dataset.truth().filter(|_| self.labels) {
-                wire.set_label_format(v1::LabelFormat::Png);
-                wire.labels = labels_png(&truth.mask(index)?, sequence)?.into();
+                pace.get_or_insert_with(|| Pace::new(wire.timestamp_nanos))
+                    .wait(wire.timestamp_nanos);
             }
             if !self.frames.blocking_send(wire) {
-                return Ok(());
+                break;
             }
         }
-        Ok(())
+        left_out
+    }
+
+    fn read(&self, index: usize) -> Result<v1::Frame, ClientError> {
+        let frame = self.dataset.frame(index)?;
+        let sequence = frame.sequence;
+        if self.needs_poses && frame.world_from_camera.is_none() {
+            return Err(ClientError::NoPose { sequence });
+        }
+        let mut wire = wire_frame(frame);
+        wire.held_out = self.is_held_out(index);
+        if let Some(truth) = self.dataset.truth().filter(|_| self.labels) {
+            wire.set_label_format(v1::LabelFormat::Png);
+            wire.labels = labels_png(&truth.mask(index)?, sequence)?.into();
+        }
+        Ok(wire)
     }
 
     /// Whether a frame is held out: the last of every N, by position in the data set.

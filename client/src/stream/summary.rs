@@ -1,11 +1,12 @@
 //! Progress and outcome of a stream, counted from its acknowledgements.
 
+use super::error::ClientError;
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, InputProblem};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Refusals that a summary lists in full.
-const LISTED_REFUSALS: usize = 5;
+/// Refusals, and frames left out, that a summary lists in full.
+const LISTED: usize = 5;
 
 /// Progress of a stream, after each acknowledgement.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,6 +74,15 @@ pub struct Refusal {
     pub reason: String,
 }
 
+/// A frame that was not sent.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
+    /// Number of the frame.
+    pub sequence: u64,
+    /// What is wrong with its files.
+    pub reason: String,
+}
+
 /// The outcome of a stream.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
@@ -90,6 +100,10 @@ pub struct Summary {
     pub refused: u64,
     /// The first refused frames, with reasons.
     pub refusals: Vec<Refusal>,
+    /// Frames that were not sent because they could not be read.
+    pub left_out: u64,
+    /// The first frames left out, with reasons.
+    pub left_out_frames: Vec<LeftOut>,
     /// What is probably wrong with the frames, each problem once.
     pub input_warnings: Vec<InputWarning>,
     /// Numbers of the frames that became keyframes.
@@ -130,7 +144,7 @@ impl Tally {
             FrameStatus::Tracked | FrameStatus::Relocalised => summary.tracked += 1,
             FrameStatus::Refused => {
                 summary.refused += 1;
-                if summary.refusals.len() < LISTED_REFUSALS {
+                if summary.refusals.len() < LISTED {
                     summary.refusals.push(Refusal {
                         sequence: ack.sequence,
                         field: ack.refused_field.clone(),
@@ -148,6 +162,19 @@ impl Tally {
         summary.map_revision = ack.map_revision;
         summary.seconds = self.started.elapsed().as_secs_f64();
         summary.frames_per_second = summary.sent as f64 / summary.seconds.max(f64::MIN_POSITIVE);
+    }
+
+    /// Counts frames that were not sent.
+    pub fn leave_out(&mut self, frames: &[(u64, ClientError)]) {
+        self.summary.left_out = frames.len() as u64;
+        let told = |(sequence, error): &(u64, ClientError)| {
+            let reason = match error {
+                ClientError::Dataset(error) => error.whole(),
+                other => other.to_string(),
+            };
+            LeftOut { sequence: *sequence, reason }
+        };
+        self.summary.left_out_frames = frames.iter().take(LISTED).map(told).collect();
     }
 
     pub fn progress(&self, ack: &FrameAck) -> Progress {

@@ -5,8 +5,8 @@ use crate::dataset::{
     Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame,
 };
 use crate::stream::{
-    ClientError, Encoder, FrameAck, FrameStatus, InputWarning, Poses, Refusal, StreamOptions,
-    Summary, stream,
+    ClientError, Encoder, FrameAck, FrameStatus, InputWarning, LeftOut, Poses, Refusal,
+    StreamOptions, Summary, stream,
 };
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::v1::{self, FrameMessage, frame_message::Message};
@@ -247,6 +247,23 @@ async fn frames_that_the_map_has_are_not_sent_again() {
 }
 
 #[tokio::test]
+async fn frames_that_cannot_be_read_are_left_out_and_told_of() {
+    let service = StandIn::default();
+    let options = serve(service.clone()).await;
+    let summary = send([11, 12, 13, 14, 15], &options).await.unwrap();
+    assert_eq!((summary.sent, summary.left_out, summary.left_out_frames.len()), (3, 2, 2));
+    let LeftOut { sequence, reason } = &summary.left_out_frames[0];
+    assert_eq!((*sequence, reason.as_str()), (13, "13: unreadable"));
+    assert!(summary.left_out_frames[1].reason.contains("frame 14 has no pose"));
+    let numbers = || service.frames.lock().unwrap().iter().map(|f| f.sequence).collect::<Vec<_>>();
+    assert_eq!(numbers(), [11, 12, 15]);
+    // A map that has the good frames is not an error, although nothing is left to send.
+    let there = StandIn { received_through: Some(12), ..StandIn::default() };
+    let summary = send([11, 12, 13], &serve(there).await).await.unwrap();
+    assert_eq!((summary.sent, summary.resumed_past, summary.left_out), (0, 2, 1));
+}
+
+#[tokio::test]
 async fn realtime_keeps_the_pace_of_the_timestamps() {
     let options = serve(StandIn::default()).await;
     let slow = StreamOptions { realtime: true, ..options.clone() };
@@ -264,7 +281,7 @@ async fn errors_say_what_to_do() {
     let refused = error(vec![1], &estimate).await;
     assert!(matches!(&refused, ClientError::Refused { code: Code::Unimplemented, .. }));
     assert!(refused.to_string().ends_with("pose_source: not there yet"), "{refused}");
-    assert!(matches!(error(vec![12, 13], &options).await, ClientError::Dataset(_)));
+    assert!(matches!(error(vec![13], &options).await, ClientError::Dataset(_)));
     assert!(matches!(error(vec![14], &options).await, ClientError::NoPose { sequence: 14 }));
     assert!(matches!(error(vec![65, 66, 67], &options).await, ClientError::Broken { .. }));
     let at = |grpc: &str| StreamOptions { grpc: grpc.into(), ..options.clone() };

@@ -14,10 +14,11 @@ const READ_AHEAD: usize = 4;
 /// Streams the frames that the map has not got yet, and waits for every acknowledgement.
 ///
 /// A blocking thread reads or renders frames ahead of a bounded queue. When the server is busy,
-/// flow control fills the queue and the thread waits; no frame is dropped.
+/// flow control fills the queue and the thread waits; no frame is dropped. A frame that cannot be read is
+/// left out, and the summary says so.
 ///
 /// # Errors
-/// [`ClientError`]. Frames acknowledged before the error are in the map: the same call resumes
+/// [`ClientError`], also if no frame at all can be read. Frames acknowledged before the error are in the map: the same call resumes
 /// after them.
 pub async fn stream(
     dataset: Arc<dyn Dataset>,
@@ -49,9 +50,14 @@ pub async fn stream(
         tally.count(&ack);
         on_progress(&tally.progress(&ack));
     }
-    producing.await.map_err(|_| ClientError::Panicked)??;
-    if tally.summary.sent < tally.total {
+    let mut left_out = producing.await.map_err(|_| ClientError::Panicked)?;
+    tally.leave_out(&left_out);
+    let Summary { sent, resumed_past, .. } = tally.summary;
+    if sent + tally.summary.left_out < tally.total {
         return Err(ClientError::unanswered(&options.grpc));
     }
-    Ok(tally.summary)
+    match left_out.is_empty() {
+        false if sent + resumed_past == 0 => Err(left_out.swap_remove(0).1),
+        _ => Ok(tally.summary),
+    }
 }

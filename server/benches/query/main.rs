@@ -17,7 +17,7 @@ use lexsplat_server::pipeline::query::{
     Client, Outputs, Query, QueryConfig, QueryThread, SegmentationRequest, SpatialFilter, Timing,
     View,
 };
-use lexsplat_server::pipeline::snapshot::MapSnapshot;
+use lexsplat_server::pipeline::snapshot::{KeyframeInfo, MapSnapshot};
 use nalgebra::Isometry3;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -130,9 +130,13 @@ impl Bench {
             through: None,
             gaussians: Arc::new(self.map.clone()),
             online: self.stage.clone(),
-            intrinsics: Some(CAMERA),
             trajectory: Arc::new(vec![frame]),
-            keyframes: Arc::default(),
+            keyframes: Arc::new(vec![KeyframeInfo {
+                frame,
+                intrinsics: CAMERA,
+                rgb: Arc::default(),
+                has_language: false,
+            }]),
         })
     }
 

@@ -2,20 +2,18 @@
 //!
 //! Sizes are read from the headers and checked before pixels are decoded.
 
-use super::images;
 use super::refusal::Refusal;
+use super::{images, jpeg};
 use crate::pipeline::frame::Intrinsics;
 use image::ImageFormat;
 use lexsplat_proto::v1::ColorFormat;
 
 const FIELD: &str = "color";
-/// Every JPEG ends with this marker.
-const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
 /// Decodes a color image of the camera's size.
 pub(super) fn decode(format: i32, data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
     match ColorFormat::try_from(format) {
-        Ok(ColorFormat::Jpeg) => jpeg(data, camera),
+        Ok(ColorFormat::Jpeg) => jpeg_picture(data, camera),
         Ok(ColorFormat::Png) => compressed(ImageFormat::Png, data, camera),
         Ok(ColorFormat::Rgb8) => raw(data, camera),
         Ok(ColorFormat::Unspecified) | Err(_) => Err(Refusal::new(
@@ -37,17 +35,10 @@ fn raw(data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
     Ok(data.to_vec())
 }
 
-fn jpeg(data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
-    // A decoder would fill the missing part of a truncated JPEG with grey. Some cameras pad
-    // complete files with zeros.
-    let padding = data.iter().rev().take_while(|byte| **byte == 0).count();
-    if !data[..data.len() - padding].ends_with(&JPEG_END) {
-        return Err(Refusal::new(
-            FIELD,
-            format!("truncated: {} bytes of JPEG without an end-of-image marker", data.len()),
-        ));
-    }
-    compressed(ImageFormat::Jpeg, data, camera)
+/// What stands behind the picture is left out, and standard tables are put in where the sender left them out.
+fn jpeg_picture(data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {
+    let whole = jpeg::whole(data).map_err(|reason| Refusal::new(FIELD, reason))?;
+    compressed(ImageFormat::Jpeg, &whole, camera)
 }
 
 fn compressed(format: ImageFormat, data: &[u8], camera: &Intrinsics) -> Result<Vec<u8>, Refusal> {

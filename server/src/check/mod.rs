@@ -10,6 +10,7 @@ mod color;
 mod depth;
 mod frame;
 mod images;
+mod jpeg;
 mod labels;
 mod limits;
 mod mesh;

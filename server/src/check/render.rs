@@ -6,13 +6,13 @@ use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::query::{Channel, MAX_VIEW_SIDE, RenderRequest, View};
 use lexsplat_proto::json;
 
-/// Checks a request for a rendered image. `map_camera` is the camera of the map's tracked frames.
+/// Checks a request for a rendered image. `camera_of` says which camera took a tracked frame.
 ///
 /// # Errors
 /// [`Refusal`] names the field.
 pub(crate) fn render_request(
     request: json::RenderRequest,
-    map_camera: Option<Intrinsics>,
+    camera_of: impl Fn(u64) -> Option<Intrinsics>,
     max_pixels: u64,
 ) -> Result<RenderRequest, Refusal> {
     let json::RenderRequest { frame, camera, world_from_camera, channel, width, height } = request;
@@ -20,7 +20,7 @@ pub(crate) fn render_request(
     let view = view::from_json(view, "", max_pixels)?;
     let own = match &view {
         View::Camera { intrinsics, .. } => Some(*intrinsics),
-        View::Frame(_) => map_camera,
+        View::Frame(sequence) => camera_of(*sequence),
     };
     let size = size(width, height, own, max_pixels)?;
     Ok(RenderRequest { view, channel: self::channel(channel), size })

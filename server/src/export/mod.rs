@@ -73,6 +73,9 @@ pub enum ExportError {
         /// Name of the format.
         format: &'static str,
     },
+    /// The map is too far from the origin for the format.
+    #[error(transparent)]
+    TooFar(#[from] spz::TooFar),
     /// The export panicked.
     #[error("writing the file panicked: the server's log says where")]
     Panicked,
@@ -145,22 +148,22 @@ pub async fn file(
     format: Format,
     options: MeshOptions,
 ) -> Result<Vec<u8>, ExportError> {
-    let write: fn(&MapSnapshot) -> Vec<u8> = match format {
+    let write: fn(&MapSnapshot) -> Result<Vec<u8>, ExportError> = match format {
         Format::MeshPly => return mesh_file(engine, client, snapshot, options).await,
-        Format::SplatsPly => |snapshot| ply::splats_ply(&snapshot.gaussians),
-        Format::SplatsSpz => |snapshot| spz::splats_spz(&snapshot.gaussians),
-        Format::SplatsGlb => |snapshot| glb::splats_glb(&snapshot.gaussians),
-        Format::LanguageNpz => npz::language_npz,
-        Format::PointsPly => |snapshot| ply::points_ply(&snapshot.gaussians),
-        Format::TrajectoryJson => |snapshot| trajectory_json(&snapshot.trajectory),
-        Format::TrajectoryTum => |snapshot| trajectory(&snapshot.trajectory).into_bytes(),
+        Format::SplatsPly => |snapshot| Ok(ply::splats_ply(&snapshot.gaussians)),
+        Format::SplatsSpz => |snapshot| Ok(spz::splats_spz(&snapshot.gaussians)?),
+        Format::SplatsGlb => |snapshot| Ok(glb::splats_glb(&snapshot.gaussians)),
+        Format::LanguageNpz => |snapshot| Ok(npz::language_npz(snapshot)),
+        Format::PointsPly => |snapshot| Ok(ply::points_ply(&snapshot.gaussians)),
+        Format::TrajectoryJson => |snapshot| Ok(trajectory_json(&snapshot.trajectory)),
+        Format::TrajectoryTum => |snapshot| Ok(trajectory(&snapshot.trajectory).into_bytes()),
     };
     let given = [("voxel", options.voxel_metres.is_some()), ("text", options.question.is_some())];
     if let Some((field, _)) = given.into_iter().find(|(_, given)| *given) {
         return Err(ExportError::NotForFormat { field, format: format.name() });
     }
     let written = tokio::task::spawn_blocking(move || write(&snapshot)).await;
-    written.map_err(|_| ExportError::Panicked)
+    written.map_err(|_| ExportError::Panicked)?
 }
 
 async fn mesh_file(

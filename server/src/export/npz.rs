@@ -73,7 +73,6 @@ mod tests {
             through: None,
             gaussians: Arc::new(gaussians),
             online: stage.into(),
-            intrinsics: None,
             trajectory: Arc::default(),
             keyframes: Arc::default(),
         };

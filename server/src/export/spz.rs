@@ -2,10 +2,11 @@
 //! (<https://github.com/nianticlabs/spz>), about a tenth of the size of the PLY.
 //!
 //! The file is gzipped: a header of 16 bytes, then one array for each attribute. Positions are
-//! 24-bit fixed point; opacities and colors are bytes; scales are bytes of the logarithm; rotations
+//! 24-bit fixed point, with as many fractional bits as the map's farthest Gaussian leaves; opacities and colors are bytes; scales are bytes of the logarithm; rotations
 //! are the three smallest components of the quaternion in 32 bits. The axes of SPZ are right, up,
 //! back; those of the map's world are right, down, forward, so that y and z are negated. Losses:
-//! half a millimetre, 3 % of a scale, 0.1 degrees.
+//! 3 % of a scale, 0.1 degrees, and of a position half a step: 0.12 mm up to 2 km from the origin, 1 mm up to
+//! 16 km. A map that is farther away is refused.
 
 use super::splat::{Splat, byte, splats};
 use flate2::Compression;
@@ -16,8 +17,10 @@ use std::io::Write as _;
 /// "NGSP" in ASCII.
 const MAGIC: u32 = 0x5053_474e;
 const VERSION: u32 = 3;
-/// Fractional bits of a position: steps of a quarter of a millimetre, up to 2 km from the origin.
-const FRACTIONAL_BITS: u8 = 12;
+/// Most fractional bits of a position: steps of a quarter of a millimetre, up to 2 km from the origin.
+const FINEST_BITS: u8 = 12;
+/// Fewest fractional bits: steps of 2 mm, up to 16 km. Coarser ones would spoil small Gaussians.
+const COARSEST_BITS: u8 = 9;
 /// The largest signed 24-bit number.
 const MAX_FIXED: f32 = 8_388_607.0;
 /// Colors are bytes of 0.5 + COLOR_SCALE * coefficient of the harmonic.
@@ -25,14 +28,42 @@ const COLOR_SCALE: f32 = 0.15;
 /// The largest magnitude of a quaternion's component, 9 bits, for `sqrt(1/2)`.
 const MAX_COMPONENT: f32 = 511.0;
 
-/// The color heads as `splats.spz`.
-pub(super) fn splats_spz(gaussians: &HostGaussians) -> Vec<u8> {
-    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
-    gzip.write_all(&unzipped(gaussians)).expect("a vector takes all bytes");
-    gzip.finish().expect("a vector takes all bytes")
+/// A map is too far from the origin for 24 bits.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "splats.spz: a Gaussian is {metres:.0} m from the origin, and 24 bits hold a position to 2 mm only up to \
+     16383 m: export splats.ply or splats.glb, or give poses in a frame of reference near the map"
+)]
+pub struct TooFar {
+    /// Largest coordinate, metres.
+    pub metres: f32,
 }
 
-fn unzipped(gaussians: &HostGaussians) -> Vec<u8> {
+/// The color heads as `splats.spz`.
+///
+/// # Errors
+/// [`TooFar`].
+pub(super) fn splats_spz(gaussians: &HostGaussians) -> Result<Vec<u8>, TooFar> {
+    let bits = fractional_bits(gaussians)?;
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+    gzip.write_all(&unzipped(gaussians, bits)).expect("a vector takes all bytes");
+    Ok(gzip.finish().expect("a vector takes all bytes"))
+}
+
+/// Bits behind the point, so that every coordinate fits.
+fn fractional_bits(gaussians: &HostGaussians) -> Result<u8, TooFar> {
+    let coordinates = gaussians.means.iter().flatten().map(|value| value.abs());
+    let metres = coordinates.filter(|value| value.is_finite()).fold(0.0, f32::max);
+    let fits = |bits: &u8| (metres * steps(*bits)).round() <= MAX_FIXED;
+    (COARSEST_BITS..=FINEST_BITS).rev().find(fits).ok_or(TooFar { metres })
+}
+
+/// Steps of a position in a metre.
+fn steps(bits: u8) -> f32 {
+    f32::from(1_u16 << bits)
+}
+
+fn unzipped(gaussians: &HostGaussians, bits: u8) -> Vec<u8> {
     let all = splats(gaussians);
     let count = u32::try_from(all.len()).expect("a map has fewer than 2^32 Gaussians");
     // Bytes of a Gaussian: position, opacity, color, scale, rotation.
@@ -41,8 +72,8 @@ fn unzipped(gaussians: &HostGaussians) -> Vec<u8> {
         out.extend(word.to_le_bytes());
     }
     let (harmonics_degree, flags, reserved) = (0, 0, 0);
-    out.extend([harmonics_degree, FRACTIONAL_BITS, flags, reserved]);
-    out.extend(all.clone().flat_map(|splat| position(&splat)));
+    out.extend([harmonics_degree, bits, flags, reserved]);
+    out.extend(all.clone().flat_map(|splat| position(&splat, bits)));
     out.extend(all.clone().map(|splat| byte(splat.opacity())));
     out.extend(all.clone().flat_map(|s| s.harmonics().map(|f_dc| byte(f_dc * COLOR_SCALE + 0.5))));
     out.extend(
@@ -52,13 +83,12 @@ fn unzipped(gaussians: &HostGaussians) -> Vec<u8> {
     out
 }
 
-/// Fixed point with negated y and z; values out of range are clamped.
-fn position(splat: &Splat) -> [u8; 9] {
+/// Fixed point with negated y and z.
+fn position(splat: &Splat, bits: u8) -> [u8; 9] {
     let [x, y, z] = splat.position;
     let mut out = [0; 9];
     for (value, bytes) in [x, -y, -z].into_iter().zip(out.chunks_exact_mut(3)) {
-        let fixed = (value * f32::from(1_u16 << FRACTIONAL_BITS)).round();
-        let fixed = fixed.clamp(-MAX_FIXED, MAX_FIXED) as i32;
+        let fixed = (value * steps(bits)).round().clamp(-MAX_FIXED, MAX_FIXED) as i32;
         bytes.copy_from_slice(&fixed.to_le_bytes()[..3]);
     }
     out
@@ -99,11 +129,48 @@ mod tests {
         parts
     }
 
+    fn unpacked_file(gaussians: &HostGaussians) -> Vec<u8> {
+        let (mut file, zipped) = (Vec::new(), splats_spz(gaussians).unwrap());
+        flate2::read::GzDecoder::new(&zipped[..]).read_to_end(&mut file).unwrap();
+        file
+    }
+
+    /// Positions by the rule of the specification, in the map's axes, and the fractional bits.
+    fn positions(file: &[u8]) -> (u8, Vec<[f32; 3]>) {
+        let bits = file[13];
+        let number = |bytes: &[u8]| {
+            (i32::from_le_bytes([0, bytes[0], bytes[1], bytes[2]]) >> 8) as f32 / steps(bits)
+        };
+        let [first, second] = [&file[16..25], &file[25..34]]
+            .map(|nine| [number(&nine[..3]), -number(&nine[3..6]), -number(&nine[6..])]);
+        (bits, vec![first, second])
+    }
+
+    #[test]
+    fn far_positions_are_kept_or_refused() {
+        for (metres, bits) in
+            [(0.0, 12), (2047.0, 12), (2049.0, 11), (-5000.0, 10), (9000.0, 9), (16_383.0, 9)]
+        {
+            let mut far = two();
+            far.means = vec![[metres, 0.126, -0.002], [0.0, -metres, metres + 0.25]];
+            let (found, positions) = positions(&unpacked_file(&far));
+            assert_eq!(found, bits, "{metres}");
+            for (read, written) in positions.iter().flatten().zip(far.means.iter().flatten()) {
+                assert!((read - written).abs() <= 0.5 / steps(bits), "{read} for {written}");
+            }
+        }
+        let mut far = two();
+        far.means[1][2] = -16_385.0;
+        let error = splats_spz(&far).unwrap_err().to_string();
+        assert!(error.contains("16385 m from the origin"), "{error}");
+        // What is nowhere does not decide about the others.
+        far.means[1][2] = f32::NAN;
+        assert_eq!(positions(&unpacked_file(&far)).0, 12);
+    }
+
     #[test]
     fn attributes_are_laid_out_as_specified() {
-        let mut file = Vec::new();
-        let zipped = splats_spz(&two());
-        flate2::read::GzDecoder::new(&zipped[..]).read_to_end(&mut file).unwrap();
+        let file = unpacked_file(&two());
         assert_eq!(file.len(), 16 + 2 * 20);
         assert_eq!(&file[..16], b"NGSP\x03\0\0\0\x02\0\0\0\0\x0c\0\0");
         let fixed = |at: usize| i32::from_le_bytes([0, file[at], file[at + 1], file[at + 2]]) >> 8;

@@ -94,10 +94,9 @@ impl From<MapError> for Problem {
         let status = match &error {
             MapError::NotFound { .. } => StatusCode::NOT_FOUND,
             MapError::InvalidName { .. } => StatusCode::BAD_REQUEST,
-            MapError::AlreadyExists { .. }
-            | MapError::Busy { .. }
-            | MapError::OtherCamera { .. }
-            | MapError::Failed { .. } => StatusCode::CONFLICT,
+            MapError::AlreadyExists { .. } | MapError::Busy { .. } | MapError::Failed { .. } => {
+                StatusCode::CONFLICT
+            }
             MapError::TooMany { .. } => StatusCode::TOO_MANY_REQUESTS,
         };
         let problem = Self::new(status, error.to_string());
@@ -137,6 +136,7 @@ impl From<ExportError> for Problem {
                 Self::bad_request(error.to_string()).at(field)
             }
             ExportError::Mesh(error) => error.into(),
+            ExportError::TooFar(_) => Self::new(StatusCode::CONFLICT, error.to_string()).at("file"),
             ExportError::Panicked => Self::internal(error.to_string()),
         }
     }

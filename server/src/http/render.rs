@@ -92,9 +92,8 @@ async fn picture(
 ) -> Result<Response, Problem> {
     let started = Instant::now();
     let channel = channel_name(request.channel);
-    let snapshot = reading.snapshot.clone();
-    let request =
-        check::render_request(request, snapshot.intrinsics, state.config.max_render_pixels)?;
+    let (snapshot, most) = (reading.snapshot.clone(), state.config.max_render_pixels);
+    let request = check::render_request(request, |frame| snapshot.camera(frame), most)?;
     let picture = state.in_time(state.engine().render(client, snapshot, request)).await??;
     let npy = wants_npy(headers) && matches!(picture, RenderedImage::Depth { .. });
     let written = tokio::task::spawn_blocking(move || write(&picture, npy)).await;

@@ -81,7 +81,6 @@ pub(super) fn of_map(error: &MapError, field: &str) -> Status {
         MapError::NotFound { .. } => (Code::NotFound, field),
         MapError::AlreadyExists { .. } => (Code::AlreadyExists, field),
         MapError::InvalidName { .. } => (Code::InvalidArgument, field),
-        MapError::OtherCamera { .. } => (Code::FailedPrecondition, "intrinsics"),
         MapError::TooMany { .. } => return Status::resource_exhausted(message),
         MapError::Busy { .. } => return Status::aborted(message),
         MapError::Failed { .. } => return Status::failed_precondition(message),
@@ -117,6 +116,7 @@ pub(super) fn of_export(error: &ExportError) -> Status {
             at_field(Code::InvalidArgument, &message, field, &message)
         }
         ExportError::Mesh(error) => of_query(error),
+        ExportError::TooFar(_) => at_field(Code::FailedPrecondition, &message, "format", &message),
         ExportError::Panicked => Status::internal(message),
     }
 }

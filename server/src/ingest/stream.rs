@@ -101,7 +101,7 @@ async fn open(
     let opening =
         check::opening(&open, &context.limits).map_err(|refusal| status::refused(&refusal))?;
     let recording =
-        context.maps.open(&open, &opening).await.map_err(|error| status::of_maps(&error, "map"))?;
+        context.maps.open(&open).await.map_err(|error| status::of_maps(&error, "map"))?;
     tracing::info!(map = open.map, caller = caller.name(), camera = ?opening.intrinsics, "a stream opened");
     Ok((recording, opening))
 }

@@ -3,7 +3,6 @@
 use super::error::MapsError;
 use super::places::{Place, Places, Reserved, not_rebuilt};
 use super::progress::LoadProgress;
-use crate::check::Opening;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};
 use crate::store::{Recorder, Store, StoreError, Usage};
@@ -284,20 +283,16 @@ impl RecordedMaps {
 
     /// Opens a map for a sender; creates it if it does not exist.
     ///
-    /// `opening` is the checked form of `open`.
+    /// `open` has passed the checks.
     ///
     /// # Errors
-    /// [`MapsError`] if the map has a sender or another camera, or its recording cannot be written.
-    pub(crate) async fn open(
-        &self,
-        open: &v1::OpenMap,
-        opening: &Opening,
-    ) -> Result<Recording, MapsError> {
+    /// [`MapsError`] if the map has a sender, or its recording cannot be written.
+    pub(crate) async fn open(&self, open: &v1::OpenMap) -> Result<Recording, MapsError> {
         self.expect_loaded(&open.map).await?;
         self.expect_place_for_new(&open.map)?;
         let name = open.map.clone();
         let map = self.blocking(move |engine| engine.open(&name)).await?;
-        let sender = map.claim(opening.intrinsics)?;
+        let sender = map.claim()?;
         let recorder = self.store.record(open).await?;
         Ok(Recording { sender, recorder })
     }

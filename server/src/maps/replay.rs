@@ -116,8 +116,8 @@ impl<'a> Replay<'a> {
             let map = self.engine.map(map).map_err(|error| error.to_string())?;
             // A stream that the map has frames of goes on.
             let claimed = match has_frames {
-                true => map.reclaim(opening.intrinsics),
-                false => map.claim(opening.intrinsics),
+                true => map.reclaim(),
+                false => map.claim(),
             };
             self.sender = Some(claimed.map_err(|error| error.to_string())?);
         }

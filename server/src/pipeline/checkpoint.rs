@@ -6,7 +6,7 @@
 //! keyframe. Files, checksums and compression are not known here.
 
 use super::closure::Detection;
-use super::frame::{Frame, Intrinsics};
+use super::frame::Frame;
 use super::frame_times::FrameTimes;
 use super::input_check::InputCheck;
 use super::input_warning::InputWarning;
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 
 /// Version of the records. It is increased when they mean something else.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Why a checkpoint cannot be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -71,7 +71,6 @@ pub(super) struct Progress {
     pub stream: u64,
     /// The times of the map's frames up to it.
     pub times: FrameTimes,
-    pub intrinsics: Option<Intrinsics>,
     pub frames_tracked: u64,
     pub frames_lost: u64,
     pub frames_refused: u64,

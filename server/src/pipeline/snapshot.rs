@@ -19,8 +19,6 @@ pub struct MapSnapshot {
     pub gaussians: Arc<HostGaussians>,
     /// The online compressor (32 to 15 dimensions) that decodes the codes.
     pub online: Arc<dyn OnlineStage>,
-    /// The camera of the stream; `None` while the map is empty.
-    pub intrinsics: Option<Intrinsics>,
     /// Every tracked frame, in order.
     pub trajectory: Arc<Vec<TrackedFrame>>,
     /// The keyframes, in order.
@@ -45,5 +43,14 @@ impl MapSnapshot {
     pub fn tracked(&self, sequence: u64) -> Option<&TrackedFrame> {
         let at = self.trajectory.binary_search_by_key(&sequence, |frame| frame.sequence).ok()?;
         Some(&self.trajectory[at])
+    }
+
+    /// The camera that took a frame: that of the keyframe nearest in number, since several cameras may feed a map
+    /// one after the other. `None` while the map is empty.
+    pub fn camera(&self, sequence: u64) -> Option<Intrinsics> {
+        let after = self.keyframes.partition_point(|info| info.frame.sequence < sequence);
+        let around = &self.keyframes[after.saturating_sub(1)..self.keyframes.len().min(after + 1)];
+        let nearest = around.iter().min_by_key(|info| info.frame.sequence.abs_diff(sequence));
+        nearest.map(|info| info.intrinsics)
     }
 }

@@ -27,7 +27,7 @@ use std::sync::Arc;
                   lexsplat ablate --dataset synthetic:7 --frames 60 --only disentangled --only joint"
 )]
 pub struct Ablate {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     #[command(flatten)]
@@ -114,11 +114,11 @@ fn names() -> Vec<&'static str> {
 pub async fn run(arguments: &Ablate) -> Result<()> {
     let stride = arguments.stride;
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> = Arc::from(
-        arguments
-            .sensing
-            .open(&arguments.dataset, FrameRange { end, stride, ..FrameRange::default() })?,
-    );
+    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(
+        &arguments.dataset,
+        FrameRange { end, stride, ..FrameRange::default() },
+        Poses::Estimate,
+    )?);
     if dataset.truth().is_none() {
         bail!("{} has no masks, so language cannot be scored: choose another", arguments.dataset);
     }

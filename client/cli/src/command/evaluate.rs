@@ -27,7 +27,7 @@ use std::sync::Arc;
                   --grpc 127.0.0.1:50051 --http 127.0.0.1:8080"
 )]
 pub struct Evaluate {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     #[command(flatten)]
@@ -87,9 +87,11 @@ pub struct Evaluate {
 pub async fn run(arguments: &Evaluate) -> Result<()> {
     let (stride, passes) = (arguments.stride, arguments.passes);
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> = Arc::from(
-        arguments.sensing.open(&arguments.dataset, FrameRange { start: 0, end, stride, passes })?,
-    );
+    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(
+        &arguments.dataset,
+        FrameRange { start: 0, end, stride, passes },
+        arguments.poses.into(),
+    )?);
     for (asked, option) in [
         (arguments.language, "--language"),
         (arguments.encoder == Encoder::Oracle, "--encoder oracle"),

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod demo;
 pub mod evaluate;
 pub mod export;
+pub mod inspect;
 pub mod maps;
 mod measure;
 pub mod query;

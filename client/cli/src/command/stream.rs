@@ -4,7 +4,7 @@
 use crate::access::AccessOptions;
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
-use crate::progress::{progress_bar, show};
+use crate::progress::{progress_bar, show, tell_left_out};
 use crate::sensing::Sensing;
 use anyhow::{Result, bail};
 use lexsplat_client::dataset::FrameRange;
@@ -19,7 +19,7 @@ use std::sync::Arc;
                         lexsplat stream --dataset 7scenes:redkitchen/seq-01 --realtime\n  \
                         lexsplat stream --dataset replica:room0 --sensor kinect --blackout 100..110")]
 pub struct Stream {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     #[command(flatten)]
@@ -63,15 +63,13 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         stride: arguments.stride,
         ..FrameRange::default()
     };
-    let dataset = arguments.sensing.open(&arguments.dataset, range)?;
-    if let [first, ..] = dataset.skipped() {
-        eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
-    }
+    let poses = arguments.poses.into();
+    let dataset = arguments.sensing.open(&arguments.dataset, range, poses)?;
     let options = StreamOptions {
         grpc: arguments.grpc.clone(),
         access: arguments.access.read()?,
         map: arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned()),
-        poses: arguments.poses.into(),
+        poses,
         encoder: arguments.encoder.into(),
         hold_out_every: None,
         realtime: arguments.realtime,
@@ -83,6 +81,7 @@ pub async fn run(arguments: &Stream) -> Result<()> {
         Err(_) => bar.abandon(),
     }
     let summary = summary?;
+    tell_left_out(&summary);
     if arguments.json {
         println!("{}", serde_json::to_string(&summary)?);
     } else {

@@ -1,10 +1,12 @@
 //! Each layout on a tiny folder, and each with a broken twin.
 
+mod formats;
 mod mutations;
+mod wild;
 
 use crate::dataset::{
-    ColorFormat, Dataset, DatasetError, Depth, FrameRange, Intrinsics, Replica, RgbdFrame,
-    SevenScenes, Tum,
+    ColorFormat, Dataset, DatasetError, Depth, Folder, FrameRange, Intrinsics, Nerfstudio, Replica,
+    RgbdFrame, SevenScenes, Tum, with_poses,
 };
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use nalgebra::Isometry3;
@@ -47,6 +49,8 @@ fn open(kind: &str, folder: &Path) -> Result<Box<dyn Dataset>, DatasetError> {
         "replica" => Box::new(Replica::open(folder)?),
         "tum" => Box::new(Tum::open(folder)?),
         "7scenes" => Box::new(SevenScenes::open(folder)?),
+        "nerfstudio" => Box::new(Nerfstudio::open(folder)?),
+        "folder" => Box::new(Folder::open(folder)?),
         other => panic!("no reader for {other}"),
     })
 }
@@ -98,7 +102,10 @@ fn a_replica_folder_is_read() {
     assert_eq!((dataset.len(), dataset.is_empty(), dataset.skipped().len()), (3, false, 0));
     let Intrinsics { width, height, fx, fy, cx, cy } = dataset.intrinsics();
     assert_eq!((width, height, fx, fy, cx, cy), (24, 16, 17.0, 18.0, 11.5, 7.5));
-    assert_eq!(dataset.name(), folder.path().file_name().unwrap().to_str().unwrap());
+    assert_eq!(
+        dataset.name(),
+        folder.path().file_name().unwrap().to_str().unwrap().trim_start_matches('.')
+    );
     assert_eq!(dataset.depth_unit_metres(), 1.0 / 6553.5);
     let frame = dataset.frame(2).unwrap();
     assert_eq!((frame.sequence, frame.timestamp_nanos), (2, 66_666_666));
@@ -135,38 +142,55 @@ fn broken_replica_folders_name_file_and_line() {
         change(folder.path());
         error("replica", folder.path())
     };
-    let found = break_and_open(&|f| put(f, "traj.txt", format!("{IDENTITY}\n1 0 x\n")));
-    assert!(found.ends_with("traj.txt:2: expected a number, found \"x\""), "{found}");
-    let found = break_and_open(&|f| put(f, "traj.txt", format!("{IDENTITY}\n1 0 0\n")));
-    assert!(found.ends_with("traj.txt:2: expected 16 numbers, found 3"), "{found}");
-    let found = break_and_open(&|f| put(f, "traj.txt", format!("{IDENTITY}\n{IDENTITY}")));
-    assert!(found.ends_with("expected a pose for frame 2, found only 2 lines"), "{found}");
-    let found = break_and_open(&|f| fs::remove_file(f.join("results/depth000001.png")).unwrap());
-    assert!(found.contains("frame000001.jpg: expected depth000001.png"), "{found}");
-    let found = break_and_open(&|f| put_color(f, "results/frame000000.jpg", (9, 9)));
-    assert!(found.ends_with("expected 24x16 pixels, found 9x9"), "{found}");
+    let found = break_and_open(&|f| {
+        (0..3).for_each(|n| put_color(f, &format!("results/frame00000{n}.jpg"), (9, 9)));
+        (0..3).for_each(|n| put_color(f, &format!("results/depth00000{n}.png"), (9, 9)));
+    });
+    assert!(found.ends_with("expected 24x16 pixels as in cam_params.json, found 9x9"), "{found}");
     let found = break_and_open(&|f| put(f, "cam_params.json", "{\"camera\":{}}"));
     assert!(found.contains("cam_params.json: missing field"), "{found}");
     let found = break_and_open(&|f| put(f, "instances.json", "[{\"id\":1}]"));
     assert!(found.contains("instances.json: missing field"), "{found}");
-    let found = break_and_open(&|f| fs::remove_file(f.join("traj.txt")).unwrap());
-    assert!(found.contains("cannot read") && found.ends_with("traj.txt"), "{found}");
+    let found = break_and_open(&|f| {
+        (0..3).for_each(|n| fs::remove_file(f.join(format!("results/depth00000{n}.png"))).unwrap());
+    });
+    assert!(
+        found.contains("found none (") && found.contains("expected depth000000.png"),
+        "{found}"
+    );
 }
 
 #[test]
-fn frames_with_an_invalid_pose_are_left_out_and_listed() {
+fn frames_without_a_valid_pose_are_there_and_say_why() {
     let folder = replica();
-    put(folder.path(), "traj.txt", format!("{IDENTITY}\n{NO_ROTATION}\n{IDENTITY}\n"));
-    let dataset = open("replica", folder.path()).unwrap();
-    assert_eq!((0..dataset.len()).map(|i| dataset.sequence(i)).collect::<Vec<_>>(), [0, 2]);
-    let [skipped] = dataset.skipped() else { panic!("expected one, {:?}", dataset.skipped()) };
-    assert!(skipped.contains("traj.txt:2: expected a rotation"), "{skipped}");
-    let masks = dataset.truth().unwrap();
-    let other = replica();
-    let all = open("replica", other.path()).unwrap();
-    assert_eq!(masks.mask(1).unwrap(), all.truth().unwrap().mask(2).unwrap());
-    put(folder.path(), "traj.txt", format!("{NO_ROTATION}\n").repeat(3));
-    assert!(error("replica", folder.path()).contains("with a valid pose, found none"));
+    for (lines, expected) in [
+        (format!("{IDENTITY}\n{NO_ROTATION}\n{IDENTITY}\n"), "traj.txt:2: expected a rotation"),
+        (format!("{IDENTITY}\n1 0 x\n{IDENTITY}\n"), "traj.txt:2: expected a number, found \"x\""),
+        (format!("{IDENTITY}\n1 0 0\n{IDENTITY}\n"), "traj.txt:2: expected 16 numbers, found 3"),
+    ] {
+        put(folder.path(), "traj.txt", lines);
+        let all = open("replica", folder.path()).unwrap();
+        assert_eq!(
+            (all.len(), all.no_pose(0), all.frame(1).unwrap().world_from_camera),
+            (3, None, None)
+        );
+        let reason = all.no_pose(1).unwrap().to_owned();
+        assert!(reason.contains(expected), "{reason}");
+        let posed = with_poses(all).unwrap();
+        assert_eq!((0..posed.len()).map(|i| posed.sequence(i)).collect::<Vec<_>>(), [0, 2]);
+        assert_eq!((posed.skipped(), posed.no_pose(1)), (&[reason][..], None));
+        let other = open("replica", folder.path()).unwrap();
+        let mask = |dataset: &dyn Dataset, at| dataset.truth().unwrap().mask(at).unwrap();
+        assert_eq!(mask(&*posed, 1), mask(&*other, 2));
+    }
+    put(folder.path(), "traj.txt", IDENTITY);
+    let all = open("replica", folder.path()).unwrap();
+    assert!(all.no_pose(2).unwrap().ends_with("expected a pose for frame 2, found only 1 lines"));
+    fs::remove_file(folder.path().join("traj.txt")).unwrap();
+    let none = open("replica", folder.path()).unwrap();
+    assert_eq!(none.len(), 3);
+    let error = with_poses(none).err().unwrap().to_string();
+    assert!(error.contains("no frame has a pose") && error.contains("no such file"), "{error}");
 }
 
 #[test]
@@ -226,6 +250,7 @@ fn seven_scenes() -> TempDir {
         });
         put(f, &format!("frame-{number:06}.pose.txt"), IDENTITY.replace(" 0 0 0 1", "\n0 0 0 1"));
     }
+    put(f, "camera-intrinsics.txt", "17 0 11\n0 18 7\n0 0 1\n");
     folder
 }
 
@@ -236,7 +261,7 @@ fn seven_scenes_keeps_numbers_and_fills_holes_with_0() {
     let numbers: Vec<u64> = (0..dataset.len()).map(|i| dataset.sequence(i)).collect();
     assert_eq!((numbers, dataset.depth_unit_metres()), (vec![0, 2, 7], 0.001));
     let camera = dataset.intrinsics();
-    assert_eq!((camera.width, camera.height, camera.fx, camera.cy), (24, 16, 585.0, 240.0));
+    assert_eq!((camera.width, camera.height, camera.fx, camera.cy), (24, 16, 17.0, 7.0));
     let mended = units(&dataset.frame(1).unwrap().depth);
     assert_eq!((mended[(0, 0)][0], mended[(1, 0)][0], mended[(2, 0)][0]), (0, 0, 1502));
     let frame = dataset.frame(2).unwrap();
@@ -244,9 +269,8 @@ fn seven_scenes_keeps_numbers_and_fills_holes_with_0() {
     assert_eq!((frame.depth.bytes, frame.sequence), (on_disk, 7));
     assert_eq!((frame.color.format, frame.timestamp_nanos), (ColorFormat::Png, 233_333_333));
     assert!(dataset.truth().is_none());
-    put(folder.path(), "camera-intrinsics.txt", "500 0 11\n0 501 7\n0 0 1\n");
-    let camera = open("7scenes", folder.path()).unwrap().intrinsics();
-    assert_eq!([camera.fx, camera.fy, camera.cx, camera.cy], [500.0, 501.0, 11.0, 7.0]);
+    assert_eq!([camera.fx, camera.fy, camera.cx, camera.cy], [17.0, 18.0, 11.0, 7.0]);
+    assert!(dataset.notes().is_empty());
 }
 
 #[test]
@@ -254,15 +278,18 @@ fn broken_seven_scenes_folders_are_refused() {
     let folder = seven_scenes();
     put(folder.path(), "frame-000002.pose.txt", NO_ROTATION);
     put(folder.path(), "frame-000007.pose.txt", IDENTITY.replace('1', "NaN"));
-    let dataset = open("7scenes", folder.path()).unwrap();
+    let dataset = with_poses(open("7scenes", folder.path()).unwrap()).unwrap();
     assert_eq!((dataset.len(), dataset.skipped().len()), (1, 2));
     assert!(dataset.skipped()[1].contains("frame-000007.pose.txt: expected finite numbers"));
+    put(folder.path(), "frame-000002.pose.txt", "1 2 3");
+    let dataset = open("7scenes", folder.path()).unwrap();
+    assert!(dataset.no_pose(1).unwrap().contains("frame-000002.pose.txt: expected 16 numbers"));
+    fs::remove_file(folder.path().join("frame-000000.depth.png")).unwrap();
+    let dataset = open("7scenes", folder.path()).unwrap();
+    assert_eq!((dataset.len(), dataset.skipped().len()), (2, 1));
+    assert!(dataset.skipped()[0].contains("expected frame-000000.depth.png beside it"));
     put(folder.path(), "camera-intrinsics.txt", "500 0 11\n");
     assert!(error("7scenes", folder.path()).ends_with("expected 9 numbers, found 3"));
-    put(folder.path(), "frame-000002.pose.txt", "1 2 3");
-    assert!(error("7scenes", folder.path()).contains("frame-000002.pose.txt: expected 16 numbers"));
-    fs::remove_file(folder.path().join("frame-000000.depth.png")).unwrap();
-    assert!(error("7scenes", folder.path()).contains("expected frame-000000.depth.png beside it"));
     let empty = tempfile::tempdir().unwrap();
     assert!(error("7scenes", empty.path()).contains("name one sequence"));
 }
@@ -286,6 +313,7 @@ fn tum(camera: &str) -> (TempDir, std::path::PathBuf) {
     put(&folder, "depth.txt", &list);
     let poses = "99.95 1 0 0 0 0 0 1\n100.03 2 0 0 0 0 0 1\n100.17 3 0 0 0 0 1 0\n";
     put(&folder, "groundtruth.txt", poses);
+    put(&folder, "camera.txt", "17 18 11.5 7.5\n");
     (parent, folder)
 }
 
@@ -307,26 +335,16 @@ fn tum_pairs_the_closest() {
         (3, 100_100_000_000, 5002, 2.0),
     ];
     assert_eq!(found, expected);
-    assert_eq!(dataset.intrinsics().fx, 520.9);
+    assert_eq!((dataset.intrinsics().fx, dataset.skipped().len()), (17.0, 1));
+    assert!(dataset.skipped()[0].contains("100.066000.png: expected depth at most 0.02 s away"));
     let turned = "100.1 3 0 0 0 0 1 0\n";
     put(&folder, "groundtruth.txt", turned);
-    let dataset = open("tum", &folder).unwrap();
-    assert_eq!((dataset.len(), dataset.skipped().len()), (2, 1));
+    let dataset = with_poses(open("tum", &folder).unwrap()).unwrap();
+    assert_eq!((dataset.len(), dataset.skipped().len()), (2, 2));
     let angle = dataset.frame(0).unwrap().world_from_camera.unwrap().rotation.angle();
     assert!((angle - std::f64::consts::PI).abs() < 1e-9);
     fs::remove_file(folder.join("groundtruth.txt")).unwrap();
     assert_eq!(open("tum", &folder).unwrap().frame(0).unwrap().world_from_camera, None);
-}
-
-#[test]
-fn tum_cameras_come_from_file_name_or_default() {
-    let (_keep, folder) = tum("office");
-    assert_eq!(open("tum", &folder).unwrap().intrinsics().cx, 319.5);
-    put(&folder, "calibration.txt", "# fx fy cx cy\n481.2 480 319.5 239.5 0 0\n");
-    assert_eq!(open("tum", &folder).unwrap().intrinsics().fx, 481.2);
-    put(&folder, "calibration.txt", "481.2 480\n");
-    let found = error("tum", &folder);
-    assert!(found.ends_with("calibration.txt:1: expected 4 numbers, found 2"), "{found}");
 }
 
 #[test]
@@ -336,17 +354,28 @@ fn broken_tum_folders_name_file_and_line() {
         put(&folder, file, text);
         error("tum", &folder)
     };
-    let found = broken("rgb.txt", "#\nsoon rgb/a.png\n");
-    assert!(found.ends_with("rgb.txt:2: expected seconds, found \"soon\""), "{found}");
+    let found = broken("rgb.txt", "#\n1 rgb/a.png\nsoon rgb/a.png\n");
+    assert!(found.ends_with("rgb.txt:3: expected seconds, found \"soon\""), "{found}");
     let found = broken("rgb.txt", "100.0\n");
     assert!(found.ends_with("rgb.txt:1: expected a timestamp and a file, found no file"));
-    let found = broken("groundtruth.txt", "100.0 1 2 3\n");
-    assert!(found.ends_with("groundtruth.txt:1: expected 7 numbers, found 3"), "{found}");
     let found = broken("depth.txt", "300.0 depth/100.010000.png\n");
     assert!(found.contains("at most 0.02 s"), "{found}");
-    let found = broken("groundtruth.txt", "100.0 1 0 0 0 0 0 0.5\n");
-    assert!(found.contains("found none"), "{found}");
+    let found = broken("camera.txt", "481.2 480\n");
+    assert!(found.ends_with("camera.txt:1: expected 4 numbers, found 2"), "{found}");
     let (_keep, folder) = tum("office");
-    put_color(&folder, "depth/100.010000.png", (9, 9));
+    for stamp in ["100.010000", "100.026000", "100.119000"] {
+        put_color(&folder, &format!("depth/{stamp}.png"), (9, 9));
+    }
     assert!(error("tum", &folder).ends_with("expected 24x16 pixels, found 9x9"));
+    for (poses, expected) in [
+        ("100.0 1 2 3\n", "groundtruth.txt:1: expected 7 numbers, found 3"),
+        ("100.0 1 0 0 0 0 0 0.5\n", "groundtruth.txt:1: expected a quaternion of length 1"),
+        ("900.0 1 0 0 0 0 0 1\n", "expected a pose at most 0.08 s away, found none"),
+    ] {
+        let (_keep, folder) = tum("office");
+        put(&folder, "groundtruth.txt", poses);
+        let dataset = open("tum", &folder).unwrap();
+        assert!(dataset.no_pose(0).unwrap().contains(expected), "{:?}", dataset.no_pose(0));
+        assert!(with_poses(dataset).is_err());
+    }
 }

@@ -1,7 +1,8 @@
 //! Data sets of which one file was damaged at random: they are read or refused, and nothing panics.
 
+use super::formats::{nerfstudio, with_table};
 use super::{open, replica, seven_scenes, tum};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, inspect};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
@@ -67,8 +68,13 @@ fn damage(kind: &str, folder: &Path) {
         mutate(&mut random, &mut bytes);
         std::fs::write(path, bytes).unwrap();
         match open(kind, folder) {
-            Ok(dataset) if is_readable(&*dataset) => read += 1,
-            _ => refused += 1,
+            Ok(dataset) => {
+                let is_readable = is_readable(&*dataset);
+                (read, refused) =
+                    (read + u64::from(is_readable), refused + u64::from(!is_readable));
+                assert!(inspect(&*dataset, |_| ()).frames > 0);
+            }
+            Err(_) => refused += 1,
         }
         std::fs::write(path, whole).unwrap();
     }
@@ -83,4 +89,6 @@ fn damaged_data_sets_are_read_or_refused() {
     damage("7scenes", seven_scenes().path());
     let (_parent, folder) = tum("freiburg1");
     damage("tum", &folder);
+    damage("nerfstudio", nerfstudio(|_| ()).path());
+    damage("folder", with_table("[poses]\nfiles = \"pose/*.txt\"").path());
 }

@@ -127,7 +127,7 @@ fn wall() -> Frame {
 /// A map of the wall; the mapper has finished it.
 async fn mapped(name: &str) -> Arc<crate::pipeline::map::Map> {
     let map = engine().open(name).unwrap();
-    let guard = map.claim(CAMERA).unwrap();
+    let guard = map.claim().unwrap();
     guard.map().submit(wall()).await.unwrap().await.unwrap();
     let started = Instant::now();
     while !(map.status().settled && map.snapshot().keyframes.len() == 1) {

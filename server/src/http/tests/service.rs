@@ -3,7 +3,6 @@
 use super::{FRAME, Server, mapped, wall};
 use crate::access::rules;
 use crate::pipeline::frame::Frame;
-use crate::test_support::CAMERA;
 use axum::body::Body;
 use axum::http::Request;
 use std::time::Duration;
@@ -40,7 +39,7 @@ async fn events_begin_with_the_status_and_end_with_the_server() {
     let request = || Request::get("/v1/maps/watched/events").body(Body::empty()).unwrap();
     let response = server.router.clone().call(request()).await.unwrap();
     assert_eq!(response.headers()["content-type"], "text/event-stream");
-    let guard = map.claim(CAMERA).unwrap();
+    let guard = map.claim().unwrap();
     let next = Frame { sequence: FRAME + 1, ..wall() };
     guard.map().submit(next).await.unwrap().await.unwrap();
     let stopping = server.stopping.clone();

@@ -92,7 +92,11 @@ impl RegistrationCheck {
             let score = |[right, down]: [i32; 2]| score(&placed, right, down, &brightness, size);
             shifts(size.0).map(score).collect::<Vec<_>>()
         };
-        self.width = size.0;
+        if self.width != size.0 {
+            // Shifts of pictures of another size are others.
+            self.frames.clear();
+            self.width = size.0;
+        }
         self.frames.push(kinds().flat_map(of_kind).collect());
     }
 

@@ -1,7 +1,5 @@
 //! Why a map refuses a request.
 
-use super::super::frame::Intrinsics;
-
 /// Why a map refuses a request.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
@@ -36,16 +34,6 @@ pub enum MapError {
     Busy {
         /// The map.
         name: String,
-    },
-    /// The map was opened with another camera.
-    #[error("map {name:?} was opened with another camera: expected {expected:?}, found {found:?}")]
-    OtherCamera {
-        /// The map.
-        name: String,
-        /// The camera of the map.
-        expected: Box<Intrinsics>,
-        /// The camera of the new stream.
-        found: Box<Intrinsics>,
     },
     /// The map's thread has stopped.
     #[error("map {name:?} takes no more frames: {reason}")]

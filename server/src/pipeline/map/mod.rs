@@ -15,7 +15,7 @@ pub use event::{MapEvent, NumberedEvent};
 pub use reading::{Reading, Wait};
 pub use status::MapStatus;
 
-use super::frame::{Frame, FrameOutcome, Intrinsics, TrackingState};
+use super::frame::{Frame, FrameOutcome, TrackingState};
 use super::frame_times::FrameTimes;
 use super::input_warning::InputWarning;
 use super::live_map::LiveMap;
@@ -36,7 +36,6 @@ struct Shared {
     failure: Option<String>,
     recording_damage: Option<String>,
     input_warnings: Vec<InputWarning>,
-    intrinsics: Option<Intrinsics>,
     received_through: Option<u64>,
     has_stream: bool,
     /// Streams that were opened so far.
@@ -83,7 +82,6 @@ impl Map {
                 failure: None,
                 recording_damage: None,
                 input_warnings: Vec::new(),
-                intrinsics: None,
                 received_through: None,
                 has_stream: false,
                 streams: 0,
@@ -152,25 +150,17 @@ impl Map {
 
     /// Makes the caller's stream the only one that writes to the map until the guard is dropped. Its first
     /// frame without a pose is relocalised in the map, because the camera may have moved since the last
-    /// stream.
+    /// stream, or be another one.
     ///
     /// # Errors
-    /// [`MapError::Busy`] if another stream writes; [`MapError::OtherCamera`] if the map has frames of a
-    /// different camera; [`MapError::Failed`] if it takes no more frames.
-    pub fn claim(self: &Arc<Self>, intrinsics: Intrinsics) -> Result<StreamGuard, MapError> {
+    /// [`MapError::Busy`] if another stream writes; [`MapError::Failed`] if it takes no more frames.
+    pub fn claim(self: &Arc<Self>) -> Result<StreamGuard, MapError> {
         let mut shared = self.shared();
         if let Some(reason) = &shared.failure {
             return Err(MapError::Failed { name: self.name.clone(), reason: reason.clone() });
         }
         if shared.has_stream {
             return Err(MapError::Busy { name: self.name.clone() });
-        }
-        if let Some(expected) = shared.intrinsics.filter(|expected| *expected != intrinsics) {
-            return Err(MapError::OtherCamera {
-                name: self.name.clone(),
-                expected: Box::new(expected),
-                found: Box::new(intrinsics),
-            });
         }
         shared.has_stream = true;
         shared.streams += 1;
@@ -194,7 +184,7 @@ impl Map {
             .await
             .expect("the semaphore of a map is never closed");
         let (reply, outcome) = oneshot::channel();
-        let (sequence, intrinsics) = (frame.sequence, frame.intrinsics);
+        let sequence = frame.sequence;
         let (stream, times) = self.give_time(&mut frame);
         let frame = Box::new(frame);
         self.counters.unsettled.fetch_add(1, Ordering::AcqRel);
@@ -205,9 +195,7 @@ impl Map {
             return Err(MapError::Failed { name: self.name.clone(), reason });
         }
         self.counters.received.fetch_add(1, Ordering::Relaxed);
-        let mut shared = self.shared();
-        shared.received_through = Some(sequence);
-        shared.intrinsics = Some(intrinsics);
+        self.shared().received_through = Some(sequence);
         Ok(outcome)
     }
 

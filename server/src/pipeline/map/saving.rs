@@ -1,7 +1,7 @@
 //! Copying the state of a map, and going on from it.
 
 use super::super::checkpoint::{Checkpoint, Progress};
-use super::super::frame::{Intrinsics, TrackingState};
+use super::super::frame::TrackingState;
 use super::{Map, MapError, Message, StreamGuard};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,8 +12,8 @@ impl Map {
     ///
     /// # Errors
     /// As [`Map::claim`].
-    pub fn reclaim(self: &Arc<Self>, intrinsics: Intrinsics) -> Result<StreamGuard, MapError> {
-        let guard = self.claim(intrinsics)?;
+    pub fn reclaim(self: &Arc<Self>) -> Result<StreamGuard, MapError> {
+        let guard = self.claim()?;
         let mut shared = self.shared();
         shared.streams = shared.streams.saturating_sub(1);
         drop(shared);
@@ -35,7 +35,6 @@ impl Map {
     /// Called by the map's thread: adds what is only known here to how far the map has come.
     pub(in super::super) fn save_progress(&self, progress: &mut Progress) {
         let shared = self.shared();
-        progress.intrinsics = shared.intrinsics;
         progress.input_warnings.clone_from(&shared.input_warnings);
         progress.next_event = shared.next_event;
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
@@ -46,8 +45,7 @@ impl Map {
 
     /// Puts back what [`Map::save_progress`] and the thread saved, before the first frame.
     pub(in super::super) fn restore_progress(&self, progress: Progress, tracking: TrackingState) {
-        let Progress { through, stream, times, intrinsics, input_warnings, next_event, .. } =
-            progress;
+        let Progress { through, stream, times, input_warnings, next_event, .. } = progress;
         let Progress { frames_tracked, frames_lost, frames_refused, .. } = progress;
         let write = |counter: &AtomicU64, value| counter.store(value, Ordering::Relaxed);
         write(&self.counters.received, frames_tracked + frames_lost);
@@ -57,7 +55,6 @@ impl Map {
         let mut shared = self.shared();
         shared.tracking = tracking;
         shared.input_warnings = input_warnings;
-        shared.intrinsics = intrinsics;
         shared.received_through = through;
         shared.streams = stream;
         shared.times = times;

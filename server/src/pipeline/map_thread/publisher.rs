@@ -89,7 +89,6 @@ impl Publisher {
             through,
             gaussians: self.gaussians.clone(),
             online: Arc::from(live.online.boxed_clone()),
-            intrinsics: live.keyframes.iter().next().map(|keyframe| keyframe.intrinsics),
             trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
             keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
         });

@@ -50,7 +50,6 @@ pub(in super::super) fn spawn(
         through: None,
         gaussians: Arc::new(HostGaussians::default()),
         online: Arc::from(online.boxed_clone()),
-        intrinsics: None,
         trajectory: Arc::default(),
         keyframes: Arc::default(),
     };

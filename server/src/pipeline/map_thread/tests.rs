@@ -62,7 +62,7 @@ fn copied(saved: Checkpoint) -> Checkpoint {
 
 /// A map that goes on from a checkpoint, and the right to send to it.
 fn resumed(engine: &Engine, name: &str, saved: Checkpoint) -> StreamGuard {
-    engine.restore(name, saved).unwrap().reclaim(CAMERA).unwrap()
+    engine.restore(name, saved).unwrap().reclaim().unwrap()
 }
 
 fn same(a: &MapSnapshot, b: &MapSnapshot) -> bool {
@@ -93,7 +93,7 @@ fn counts(map: &Map) -> [u64; 6] {
 async fn a_map_goes_on_as_if_it_had_never_stopped() {
     let engine = per_frame_engine();
     let map: Arc<Map> = engine.open("saved-original").unwrap();
-    let original = map.claim(CAMERA).unwrap();
+    let original = map.claim().unwrap();
     send(&original, 0..BEFORE).await;
     let state = || async { copied(map.save().await.unwrap()) };
     let saved = state().await;
@@ -127,7 +127,7 @@ async fn a_map_goes_on_as_if_it_had_never_stopped() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_checkpoint_of_another_map_thread_is_refused_if_it_does_not_fit() {
     let engine = per_frame_engine();
-    let sender = engine.open("saved-odd").unwrap().claim(CAMERA).unwrap();
+    let sender = engine.open("saved-odd").unwrap().claim().unwrap();
     send(&sender, 0..2).await;
     let saved = || async { sender.map().save().await.unwrap() };
     engine.restore("saved-fits", saved().await).unwrap();

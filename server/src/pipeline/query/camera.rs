@@ -6,11 +6,11 @@ use super::request::View;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::Camera;
 
-/// The camera of a view. A tracked frame's is the camera of the stream at the frame's pose.
+/// The camera of a view. A tracked frame's is the one that took it, at the frame's pose.
 pub(super) fn of_view(snapshot: &MapSnapshot, view: &View) -> Result<Camera, QueryError> {
     let (intrinsics, world_from_camera) = match view {
         View::Frame(sequence) => snapshot
-            .intrinsics
+            .camera(*sequence)
             .zip(snapshot.tracked(*sequence).map(|frame| frame.world_from_camera))
             .ok_or(QueryError::UnknownFrame { sequence: *sequence })?,
         View::Camera { intrinsics, world_from_camera } => (*intrinsics, *world_from_camera),

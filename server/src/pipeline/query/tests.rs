@@ -8,7 +8,7 @@ use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::frame::TrackedFrame;
 use crate::pipeline::network::{Bundle, Tensor, TextNetworks};
-use crate::pipeline::snapshot::MapSnapshot;
+use crate::pipeline::snapshot::{KeyframeInfo, MapSnapshot};
 use lexsplat_gpu::{Gpu, HostGaussians};
 use nalgebra::Isometry3;
 use rand::{Rng, SeedableRng};
@@ -101,9 +101,13 @@ fn snapshot(map: HostGaussians, stage: Box<dyn OnlineStage>) -> MapSnapshot {
         through: None,
         gaussians: Arc::new(map),
         online: stage.into(),
-        intrinsics: Some(CAMERA),
         trajectory: Arc::new(vec![frame]),
-        keyframes: Arc::default(),
+        keyframes: Arc::new(vec![KeyframeInfo {
+            frame,
+            intrinsics: CAMERA,
+            rgb: Arc::default(),
+            has_language: false,
+        }]),
     }
 }
 
@@ -330,7 +334,7 @@ fn a_doubtful_object_is_not_reported_beside_a_sure_one() {
 fn a_mesh_has_codes_and_relevancies() {
     let room = room(&QueryConfig::default());
     let mut snapshot = (*room.snapshot).clone();
-    let keyframe = super::super::snapshot::KeyframeInfo {
+    let keyframe = KeyframeInfo {
         frame: snapshot.trajectory[0],
         intrinsics: CAMERA,
         rgb: Arc::default(),

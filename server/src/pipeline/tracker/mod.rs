@@ -182,8 +182,9 @@ impl Tracker {
         }
         // Taken out, so that it can be borrowed beside the tracker's other fields.
         let Some(mut aligner) = self.aligner.take() else { return Ok(None) };
-        aligner.upload(&image, frame.sequence)?;
-        let found = if scene.gaussians.is_empty() {
+        let found = if !aligner.upload(&image, frame.sequence)? {
+            None
+        } else if scene.gaussians.is_empty() {
             // A frame that is held out adds nothing to a map, so none can begin with it.
             let hint = frame.hint.as_ref().map(|hint| hint.world_from_camera);
             (!frame.held_out).then(|| PoseCandidate::given(hint.unwrap_or_default()))

@@ -8,7 +8,7 @@ mod report;
 use crate::choices::Poses;
 use crate::dataset::DatasetSpec;
 use crate::files::make_folder;
-use crate::progress::{progress_bar, show};
+use crate::progress::{progress_bar, show, tell_left_out};
 use crate::runtime::interrupted;
 use crate::sensing::Sensing;
 use crate::server::{self, Plan, Server};
@@ -30,7 +30,7 @@ use std::time::Duration;
 #[command(after_help = "Examples:\n  lexsplat demo\n  \
                         lexsplat demo --dataset replica:room0 --stride 4 --ask 'blue sofa' --keep")]
 pub struct Demo {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH", default_value = "synthetic:7")]
     dataset: DatasetSpec,
     #[command(flatten)]
@@ -77,7 +77,9 @@ pub async fn run(arguments: &Demo) -> Result<()> {
         stride: arguments.stride,
         ..FrameRange::default()
     };
-    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(&arguments.dataset, range)?);
+    let poses = arguments.poses.into();
+    let dataset = arguments.sensing.open(&arguments.dataset, range, poses)?;
+    let dataset: Arc<dyn Dataset> = Arc::from(dataset);
     let out = &arguments.out;
     make_folder(out)?;
     let plan = Plan {
@@ -156,6 +158,7 @@ async fn map_it(options: &StreamOptions, dataset: Arc<dyn Dataset>) -> Result<St
         Err(_) => bar.abandon(),
     }
     let summary = summary?;
+    tell_left_out(&summary);
     if summary.tracked == 0 {
         let reason = summary.refusals.first().map_or("none was tracked", |first| &first.reason);
         bail!("none of {} frames is in the map: {reason}", summary.sent);

@@ -4,6 +4,7 @@ use super::super::super::downsampled_frame::DownsampledFrame;
 use super::super::super::keyframes::Keyframe;
 use super::super::candidate::PoseCandidate;
 use super::super::multi_reference::Reference;
+use super::images::{fit, levels};
 use super::{CHECKED_STRIDE, FrameAligner, MAX_STRIDE, align};
 use lexsplat_gpu::{Estimate, GpuError, Schedule};
 use nalgebra::Isometry3;
@@ -62,12 +63,14 @@ impl FrameAligner {
     /// Puts back the last tracked frame.
     ///
     /// # Errors
-    /// [`GpuError::DeviceLost`].
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn restore_last(
         &mut self,
         image: DownsampledFrame,
         found: PoseCandidate,
     ) -> Result<(), GpuError> {
+        let levels = levels(&image.camera, &self.config).unwrap_or(1);
+        fit(&self.pyramids, &mut self.last, &image.camera, levels)?;
         self.pyramids.fill(&mut self.last, &image.rgb, &image.depth_metres)?;
         (self.last_image, self.last_found) = (Some(image), Some(found));
         Ok(())
@@ -76,8 +79,10 @@ impl FrameAligner {
     /// Puts back the last lost frame.
     ///
     /// # Errors
-    /// [`GpuError::DeviceLost`].
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn restore_stray(&mut self, image: &DownsampledFrame) -> Result<(), GpuError> {
+        let levels = levels(&image.camera, &self.config).unwrap_or(1);
+        fit(&self.pyramids, &mut self.stray, &image.camera, levels)?;
         self.pyramids.fill(&mut self.stray, &image.rgb, &image.depth_metres)
     }
 

@@ -3,6 +3,7 @@
 //! In: downsampled frames, initial poses ([`InitialPose`]) and keyframes. Out: [`PoseCandidate`]s, which the
 //! tracker accepts or not.
 
+mod images;
 mod last;
 
 use super::super::downsampled_frame::DownsampledFrame;
@@ -15,11 +16,10 @@ use super::multi_reference::{self, Reference};
 use super::quality::{self, AlignmentQuality};
 use super::scene::Scene;
 use super::uncertainty;
+use images::{fit, levels, within_levels};
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
 use lexsplat_gpu::align::se3::adjoint;
-
-use lexsplat_gpu::pyramid;
 use lexsplat_gpu::{
     AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, NormalSystem, Pyramid, Pyramids,
     Schedule,
@@ -37,12 +37,10 @@ const CHECKED_STRIDE: u32 = 4;
 /// Largest stride between compared pixels that [`AlignSettings`] takes.
 const MAX_STRIDE: usize = 64;
 
-/// Kernels and images of the alignment. All images have the size of the stream's frames.
+/// Kernels and images of the alignment. Each image has the camera that took it.
 pub(super) struct FrameAligner {
     gpu: Gpu,
     config: TrackerConfig,
-    camera: Camera,
-    levels: usize,
     pyramids: Pyramids,
     aligner: Aligner,
     /// The map rendered from the initial pose.
@@ -63,7 +61,7 @@ pub(super) struct FrameAligner {
 }
 
 impl FrameAligner {
-    /// For frames of this camera's size; `None` if they are too small to be aligned.
+    /// With room for frames of this camera; `None` if they are too small to be aligned.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
@@ -72,9 +70,7 @@ impl FrameAligner {
         camera: &Camera,
         config: &TrackerConfig,
     ) -> Result<Option<Self>, GpuError> {
-        let wanted = config.steps.len().max(config.wide_steps.len()).max(1);
-        let fits = |levels: &usize| pyramid::cameras(camera, *levels).is_ok();
-        let Some(levels) = (1..=wanted).rev().find(fits) else { return Ok(None) };
+        let Some(levels) = levels(camera, config) else { return Ok(None) };
         let pyramids = Pyramids::new(gpu)?;
         let allocate = || pyramids.allocate(camera, levels);
         let (rendered, live, last) = (allocate()?, allocate()?, allocate()?);
@@ -82,8 +78,6 @@ impl FrameAligner {
         Ok(Some(Self {
             gpu: gpu.clone(),
             config: config.clone(),
-            camera: camera.clone(),
-            levels,
             aligner: Aligner::new(gpu)?,
             pyramids,
             rendered,
@@ -98,14 +92,20 @@ impl FrameAligner {
         }))
     }
 
-    /// Uploads a new frame.
+    /// Uploads a new frame, which may have another camera than the one before. Returns false if it is too
+    /// small to be aligned.
     ///
     /// # Errors
-    /// [`GpuError::DeviceLost`].
-    pub fn upload(&mut self, frame: &DownsampledFrame, sequence: u64) -> Result<(), GpuError> {
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn upload(&mut self, frame: &DownsampledFrame, sequence: u64) -> Result<bool, GpuError> {
+        let Some(levels) = levels(&frame.camera, &self.config) else { return Ok(false) };
+        for pyramid in [&mut self.live, &mut self.rendered] {
+            fit(&self.pyramids, pyramid, &frame.camera, levels)?;
+        }
         self.uploaded = Some(sequence);
         self.live_image = Some(frame.clone());
-        self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)
+        self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)?;
+        Ok(true)
     }
 
     /// Whether this frame was uploaded last.
@@ -169,11 +169,14 @@ impl FrameAligner {
             if self.keyframes.iter().any(|(uploaded, _)| *uploaded == sequence) {
                 continue;
             }
+            let image = &keyframe.tracking;
+            // A keyframe was large enough when it was tracked, or its pose was given.
+            let levels = levels(&image.camera, &self.config).unwrap_or(1);
             let mut pyramid = match spare.pop() {
                 Some((_, pyramid)) => pyramid,
-                None => self.pyramids.allocate(&self.camera, self.levels)?,
+                None => self.pyramids.allocate(&image.camera, levels)?,
             };
-            let image = &keyframe.tracking;
+            fit(&self.pyramids, &mut pyramid, &image.camera, levels)?;
             self.pyramids.fill(&mut pyramid, &image.rgb, &image.depth_metres)?;
             self.keyframes.push((sequence, pyramid));
         }
@@ -231,7 +234,7 @@ impl FrameAligner {
         world_from_base: &Isometry3<f64>,
     ) -> Result<(), GpuError> {
         let camera_from_world = world_from_base.inverse().cast();
-        let camera = Camera { camera_from_world, ..self.camera.clone() };
+        let camera = Camera { camera_from_world, ..self.live.levels()[0].camera.clone() };
         let drawn = scene.trainer.renderer().draw_color(scene.gaussians, &camera)?;
         let drawn = drawn.expect("the tracker does not ask an empty map");
         let mut recorder = Recorder::new(&self.gpu)?;
@@ -280,14 +283,13 @@ impl FrameAligner {
 
     /// Every how many pixels of the finest level one is compared.
     fn stride(&self) -> u32 {
-        let stride = self.camera.pixels() / self.config.pixels.max(1);
+        let stride = self.live.levels()[0].camera.pixels() / self.config.pixels.max(1);
         stride.clamp(1, MAX_STRIDE) as u32
     }
 
     fn schedule(&self, is_wide: bool, prior: Option<Prior>) -> Schedule {
         let config = &self.config;
-        let mut steps = if is_wide { config.wide_steps.clone() } else { config.steps.clone() };
-        steps.truncate(self.levels);
+        let steps = if is_wide { config.wide_steps.clone() } else { config.steps.clone() };
         let narrow = AlignSettings {
             photometric_weight: config.photometric_weight,
             geometric_weight: config.geometric_weight,
@@ -326,6 +328,7 @@ fn align(
     start: &Estimate,
     schedule: &Schedule,
 ) -> Result<PoseCandidate, GpuError> {
+    let schedule = &within_levels(schedule, references, live);
     let (aligned, systems) =
         multi_reference::align(aligner, references, live, world_from_base, start, schedule)?;
     let base_from_camera = aligned.estimate.reference_from_live;

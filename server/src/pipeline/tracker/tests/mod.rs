@@ -1,8 +1,10 @@
 //! Whole sequences through a real map without poses: a textured room, ray-cast.
 
-use super::super::frame::{Frame, FrameOutcome, PoseHint, TrackingState};
+mod cameras;
+
+use super::super::frame::{Frame, FrameOutcome, Intrinsics, PoseHint, TrackingState};
 use super::super::map::{Map, StreamGuard};
-use crate::test_support::{ROOM_CAMERA as CAMERA, engine, ray_cast_room, tinted};
+use crate::test_support::{ROOM_CAMERA as CAMERA, engine, ray_cast, tinted};
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 use std::sync::Arc;
@@ -20,8 +22,12 @@ fn texture(point: &Vector3<f64>) -> f64 {
 
 /// What the camera sees of the room.
 fn shoot(world_from_camera: &Isometry3<f64>) -> (Vec<u8>, Vec<f32>) {
+    shoot_with(&CAMERA, world_from_camera)
+}
+
+fn shoot_with(camera: &Intrinsics, world_from_camera: &Isometry3<f64>) -> (Vec<u8>, Vec<f32>) {
     let (mut rgb, mut depth) = (Vec::new(), Vec::new());
-    for (place, z) in ray_cast_room(world_from_camera) {
+    for (place, z) in ray_cast(camera, world_from_camera) {
         rgb.extend(tinted(texture(&place) * 255.0));
         depth.push(z as f32);
     }
@@ -43,6 +49,8 @@ fn behind() -> Isometry3<f64> {
 struct Robot {
     sender: StreamGuard,
     next: u64,
+    /// What it says its camera is.
+    camera: Intrinsics,
     /// Whether its frames are held out.
     held_out: bool,
 }
@@ -50,15 +58,15 @@ struct Robot {
 impl Robot {
     fn new(map: &str) -> Self {
         let map = engine().open(map).unwrap();
-        Self { sender: map.claim(CAMERA).unwrap(), next: 0, held_out: false }
+        Self { sender: map.claim().unwrap(), next: 0, camera: CAMERA, held_out: false }
     }
 
     /// Goes, and comes back with another stream.
     fn again(self) -> Self {
-        let Self { sender, next, held_out } = self;
+        let Self { sender, next, camera, held_out } = self;
         let map = sender.map().clone();
         drop(sender);
-        Self { sender: map.claim(CAMERA).unwrap(), next, held_out }
+        Self { sender: map.claim().unwrap(), next, camera, held_out }
     }
 
     fn map(&self) -> &Arc<Map> {
@@ -75,7 +83,7 @@ impl Robot {
         let frame = Frame {
             sequence,
             timestamp_nanos: sequence * FRAME_NANOS,
-            intrinsics: CAMERA,
+            intrinsics: self.camera,
             rgb: rgb.into(),
             depth_metres: depth.into(),
             world_from_camera: None,

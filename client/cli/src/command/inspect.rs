@@ -1,0 +1,115 @@
+//! `lexsplat inspect`: what a recording holds, what of it would be used, and what is wrong with it.
+
+use crate::dataset::{DatasetSpec, recognised};
+use anyhow::{Result, anyhow};
+use indicatif::ProgressBar;
+use lexsplat_client::dataset::{Inspection, inspect};
+use lexsplat_client::stream::Poses;
+
+/// Say what a recording holds, what of it would be used, and what is wrong with it
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  lexsplat inspect room0\n  lexsplat inspect tum:fr3_office --json"
+)]
+pub struct Inspect {
+    /// A folder, whose kind is recognised, or KIND:PATH as for `stream`
+    #[arg(value_name = "PATH")]
+    recording: String,
+    /// Print one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Inspect) -> Result<()> {
+    let spec = spec(&arguments.recording)?;
+    let dataset = spec.whole(0.0, Poses::Estimate)?;
+    let bar = ProgressBar::new(dataset.len() as u64);
+    let found = inspect(&*dataset, |done| bar.set_position(done as u64));
+    bar.finish_and_clear();
+    if arguments.json {
+        let mut told = serde_json::to_value(&found)?;
+        told["dataset"] = spec.to_string().into();
+        println!("{told}");
+    } else {
+        print!("{}", described(&spec, &found));
+    }
+    Ok(())
+}
+
+/// `KIND:PATH`, or a folder of any kind.
+fn spec(text: &str) -> Result<DatasetSpec> {
+    match text.parse() {
+        Ok(spec) => Ok(spec),
+        Err(error) if text.contains(':') && !std::path::Path::new(text).exists() => {
+            Err(error.into())
+        }
+        Err(_) => recognised(text.as_ref()).map_err(|reason| anyhow!(reason)),
+    }
+}
+
+fn described(spec: &DatasetSpec, found: &Inspection) -> String {
+    let Inspection { frames, readable, with_pose, .. } = found;
+    let ([width, height], [fx, fy, cx, cy]) = (found.size, found.camera);
+    let mut lines = vec![
+        format!("{spec}: {frames} frames over {:.1} s, map {}", found.seconds, found.name),
+        format!("camera   {width}x{height}, fx fy cx cy = {fx} {fy} {cx} {cy}"),
+    ];
+    lines.push(match found.depth {
+        None => "depth    none was found".into(),
+        Some(depth) => format!(
+            "depth    {} m per unit; {:.0} % of the pixels measured, median {:.2} m, 99 % within {:.2} m",
+            found.depth_unit_metres,
+            100.0 * depth.measured,
+            depth.median_metres,
+            depth.far_metres
+        ),
+    });
+    lines.push(match found.metres {
+        Some(metres) => format!("poses    {with_pose} of {frames} frames, {metres:.1} m of way"),
+        None => "poses    none".into(),
+    });
+    lines.push(format!(
+        "used     {readable} frames with --poses estimate, {with_pose} with --poses given"
+    ));
+    lines.extend(found.has_masks.then(|| "masks    there: language can be scored".to_owned()));
+    lines.extend(found.no_pose.iter().map(|reason| format!("no pose  {reason}")));
+    lines.extend(found.assumed.iter().map(|note| format!("assumed  {note}")));
+    if let [first, ..] = &found.left_out[..] {
+        lines.push(format!("left out {} frames, the first: {first}", found.left_out.len()));
+    }
+    lines.extend(found.problems.iter().map(|problem| format!("problem  {problem}")));
+    lines.join("\n") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_recognised_or_named_by_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = folder.path().to_str().unwrap();
+        let error = spec(text).unwrap_err().to_string();
+        assert!(error.contains("expected recording.toml (folder)"), "{error}");
+        let cases = [
+            ("frame-000000.color.png", "7scenes"),
+            ("results/frame.jpg", "replica"),
+            ("rgb.txt", "tum"),
+            ("transforms.json", "nerfstudio"),
+            ("recording.toml", "folder"),
+        ];
+        for (name, kind) in cases {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "").unwrap();
+            assert_eq!(spec(text).unwrap().to_string(), format!("{kind}:{text}"));
+        }
+        assert_eq!(spec("tum:desk").unwrap().to_string(), "tum:desk");
+        let error = spec("avi:desk").unwrap_err().to_string();
+        assert!(error.starts_with("dataset: expected replica:PATH"), "{error}");
+        assert!(
+            spec("nowhere-at-all").unwrap_err().to_string().contains("cannot read nowhere-at-all")
+        );
+    }
+}

@@ -1,0 +1,260 @@
+//! What a data set holds, and what is wrong with it.
+
+use super::frame::{Depth, DepthFormat, Intrinsics, RgbdFrame};
+use super::source::Dataset;
+use serde::Serialize;
+use std::io::Cursor;
+
+/// Problems of one kind that are listed one by one.
+const LISTED: usize = 5;
+/// Frames whose depth is decoded.
+const SAMPLES: usize = 9;
+/// A camera that is carried does not move faster, metres per second.
+const FASTEST: f64 = 5.0;
+/// Median depths of rooms and streets, metres.
+const USUAL_METRES: std::ops::RangeInclusive<f64> = 0.15..=30.0;
+
+/// What a data set holds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Inspection {
+    /// Its name; a map is called so.
+    pub name: String,
+    /// Frames that it has.
+    pub frames: usize,
+    /// Of these, frames that can be sent.
+    pub readable: usize,
+    /// Of these, frames with a pose: what is mapped if poses are given.
+    pub with_pose: usize,
+    /// Why the first frame without a pose has none.
+    pub no_pose: Option<String>,
+    /// Columns and rows of the pictures, pixels.
+    pub size: [u32; 2],
+    /// fx, fy, cx, cy, pixels.
+    pub camera: [f64; 4],
+    /// Metres per unit of depth.
+    pub depth_unit_metres: f64,
+    /// Depth of a few frames; absent if none has any.
+    pub depth: Option<DepthSeen>,
+    /// Time from the first to the last frame, seconds.
+    pub seconds: f64,
+    /// Way of the camera, metres; absent without poses.
+    pub metres: Option<f64>,
+    /// Whether there is ground truth about objects.
+    pub has_masks: bool,
+    /// What was assumed because no file says it.
+    pub assumed: Vec<String>,
+    /// Reasons for frames that were left out when the data set was opened.
+    pub left_out: Vec<String>,
+    /// What is wrong; at most five of a kind one by one.
+    pub problems: Vec<String>,
+}
+
+/// Depth of a few frames.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DepthSeen {
+    /// Share of the pixels with a measurement, 0 to 1.
+    pub measured: f64,
+    /// Median of the measurements, metres.
+    pub median_metres: f64,
+    /// A hundredth of the measurements is farther, metres.
+    pub far_metres: f64,
+}
+
+/// Looks at every frame of a data set; calls `done` after each.
+pub fn inspect(dataset: &dyn Dataset, mut done: impl FnMut(usize)) -> Inspection {
+    let mut look = Look::new(dataset);
+    for index in 0..dataset.len() {
+        look.at(index);
+        done(index + 1);
+    }
+    look.finished()
+}
+
+/// Problems of one kind.
+#[derive(Default)]
+struct Kind {
+    count: usize,
+    listed: Vec<String>,
+}
+
+impl Kind {
+    fn add(&mut self, problem: String) {
+        self.count += 1;
+        if self.listed.len() < LISTED {
+            self.listed.push(problem);
+        }
+    }
+
+    fn told(self, what: &str) -> Vec<String> {
+        let more = self.count - self.listed.len();
+        let rest = (more > 0).then(|| format!("{more} more {what}"));
+        self.listed.into_iter().chain(rest).collect()
+    }
+}
+
+/// What was seen so far.
+struct Look<'a> {
+    dataset: &'a dyn Dataset,
+    readable: usize,
+    with_pose: usize,
+    no_pose: Option<String>,
+    /// Time and place of the frame before.
+    before: Option<(u64, Option<[f64; 3]>)>,
+    first_nanos: Option<u64>,
+    metres: f64,
+    metres_sampled: Vec<f64>,
+    pixels_sampled: usize,
+    unreadable: Kind,
+    disordered: Kind,
+    fast: Kind,
+}
+
+impl<'a> Look<'a> {
+    fn new(dataset: &'a dyn Dataset) -> Self {
+        Self {
+            dataset,
+            readable: 0,
+            with_pose: 0,
+            no_pose: None,
+            before: None,
+            first_nanos: None,
+            metres: 0.0,
+            metres_sampled: Vec::new(),
+            pixels_sampled: 0,
+            unreadable: Kind::default(),
+            disordered: Kind::default(),
+            fast: Kind::default(),
+        }
+    }
+
+    fn at(&mut self, index: usize) {
+        let sequence = self.dataset.sequence(index);
+        let frame = match self.dataset.frame(index) {
+            Ok(frame) => frame,
+            Err(error) => {
+                return self.unreadable.add(format!("frame {sequence}: {}", error.whole()));
+            }
+        };
+        if let Err(reason) = self.check_pictures(index, &frame) {
+            return self.unreadable.add(format!("frame {sequence}: {reason}"));
+        }
+        self.readable += 1;
+        match frame.world_from_camera {
+            Some(_) => self.with_pose += 1,
+            None => {
+                let reason = || self.dataset.no_pose(index).unwrap_or("no frame has one");
+                self.no_pose.get_or_insert_with(|| reason().to_owned());
+            }
+        }
+        self.follow(sequence, &frame);
+    }
+
+    fn check_pictures(&mut self, index: usize, frame: &RgbdFrame) -> Result<(), String> {
+        let Intrinsics { width, height, .. } = self.dataset.intrinsics();
+        let encoded = [("color", &frame.color.bytes), ("depth", &frame.depth.bytes)];
+        let is_png = frame.depth.format == DepthFormat::Png16;
+        for (what, bytes) in encoded.into_iter().take(if is_png { 2 } else { 1 }) {
+            let (columns, rows) = dimensions(bytes).map_err(|error| format!("{what}: {error}"))?;
+            if (columns, rows) != (width, height) {
+                let expected = format!("expected {width}x{height} pixels, found {columns}x{rows}");
+                return Err(format!("{what}: {expected}"));
+            }
+        }
+        let is_sample = index.is_multiple_of(self.dataset.len().div_ceil(SAMPLES));
+        if is_sample && is_png { self.sample(&frame.depth) } else { Ok(()) }
+    }
+
+    /// Adds the depths of a frame.
+    fn sample(&mut self, depth: &Depth) -> Result<(), String> {
+        let decoded = image::load_from_memory(&depth.bytes).map_err(|e| format!("depth: {e}"))?;
+        let image::DynamicImage::ImageLuma16(units) = decoded else {
+            return Err(format!("depth: expected 16-bit grey, found {:?}", decoded.color()));
+        };
+        let unit = self.dataset.depth_unit_metres();
+        let measured = units.iter().filter(|units| !matches!(**units, 0 | u16::MAX));
+        self.metres_sampled.extend(measured.map(|units| f64::from(*units) * unit));
+        self.pixels_sampled += units.len();
+        Ok(())
+    }
+
+    /// Compares a frame's time and place with the frame's before.
+    fn follow(&mut self, sequence: u64, frame: &RgbdFrame) {
+        let nanos = frame.timestamp_nanos;
+        let place = frame.world_from_camera.map(|pose| pose.translation.vector.into());
+        self.first_nanos.get_or_insert(nanos);
+        if let Some((before, place_before)) = self.before.replace((nanos, place)) {
+            if nanos <= before {
+                self.disordered
+                    .add(format!("frame {sequence}: its time is not later than the one before"));
+                return;
+            }
+            let (Some(from), Some(to)) = (place_before, place) else { return };
+            let way = (0..3).map(|i| f64::powi(to[i] - from[i], 2)).sum::<f64>().sqrt();
+            let seconds = (nanos - before) as f64 / 1e9;
+            self.metres += way;
+            if way > FASTEST * seconds.max(0.2) {
+                let moved = format!("the camera moves {way:.2} m in {seconds:.2} s");
+                self.fast.add(format!("frame {sequence}: {moved}: is its pose right?"));
+            }
+        }
+    }
+
+    fn finished(mut self) -> Inspection {
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.dataset.intrinsics();
+        let depth = self.depth();
+        let mut problems = self.unreadable.told("frames that cannot be sent");
+        problems.extend(self.disordered.told("frames whose time is not later"));
+        problems.extend(self.fast.told("jumps"));
+        problems.extend(depth_problem(depth, self.readable));
+        let last = self.before.map_or(0, |(nanos, _)| nanos);
+        let seconds = last.saturating_sub(self.first_nanos.unwrap_or(last)) as f64 / 1e9;
+        Inspection {
+            name: self.dataset.name().to_owned(),
+            frames: self.dataset.len(),
+            readable: self.readable,
+            with_pose: self.with_pose,
+            no_pose: self.no_pose,
+            size: [width, height],
+            camera: [fx, fy, cx, cy],
+            depth_unit_metres: self.dataset.depth_unit_metres(),
+            depth,
+            seconds,
+            metres: (self.with_pose > 0).then_some(self.metres),
+            has_masks: self.dataset.truth().is_some(),
+            assumed: self.dataset.notes().to_vec(),
+            left_out: self.dataset.skipped().to_vec(),
+            problems,
+        }
+    }
+
+    fn depth(&mut self) -> Option<DepthSeen> {
+        let all = &mut self.metres_sampled;
+        if all.is_empty() {
+            return None;
+        }
+        all.sort_by(f64::total_cmp);
+        let at = |share: f64| all[(share * (all.len() - 1) as f64) as usize];
+        let measured = all.len() as f64 / self.pixels_sampled as f64;
+        Some(DepthSeen { measured, median_metres: at(0.5), far_metres: at(0.99) })
+    }
+}
+
+fn depth_problem(depth: Option<DepthSeen>, readable: usize) -> Option<String> {
+    match depth {
+        None if readable > 0 => Some("no frame that was looked at has depth".into()),
+        Some(DepthSeen { median_metres, .. }) if !USUAL_METRES.contains(&median_metres) => {
+            Some(format!(
+                "half of the depth is beyond {median_metres:.3} m: is the unit of depth right?"
+            ))
+        }
+        _ => None,
+    }
+}
+
+/// Columns and rows in a picture's header.
+fn dimensions(bytes: &[u8]) -> Result<(u32, u32), String> {
+    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let size =
+        reader.map_err(image::ImageError::IoError).and_then(image::ImageReader::into_dimensions);
+    size.map_err(|error| format!("expected a picture that can be decoded: {error}"))
+}
