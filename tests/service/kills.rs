@@ -244,7 +244,11 @@ impl Folder {
         let mut bytes = std::fs::read(&path).expect("it can be read");
         if wanted == Damage::TornFrame {
             let Some(chunk) = first_chunk(&bytes) else { return };
-            if bytes.ends_with(mcap::MAGIC) {
+            // Behind a frame that the kill itself cut off, it would not be torn but mixed up.
+            let ends_whole = records(&bytes).last().is_some_and(|(code, place)| {
+                place.end == bytes.len() && code == mcap::records::op::MESSAGE_INDEX
+            });
+            if bytes.ends_with(mcap::MAGIC) || !ends_whole {
                 return;
             }
             let part = chunk.start..random.random_range(chunk.start + 1..chunk.end);

@@ -50,14 +50,9 @@ use lexsplat_gpu::{Camera, Gpu, GpuError};
 use motion::{Expected, LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
 use quality::{is_blank, usable_share};
-use search::{Origin, Search};
+use search::{Origin, Search, is_searched_far};
 use std::cmp::Reverse;
 use young_map::YoungMap;
-
-/// The first so many lost frames start from anywhere,
-const SEARCHED_FAR: usize = 3;
-/// and after them one in so many.
-const FAR_EVERY: usize = 5;
 
 /// Estimates poses, one frame after the other.
 pub(super) struct Tracker {
@@ -218,7 +213,7 @@ impl Tracker {
         if !search.is_done() {
             self.search_by_features(&mut search, aligner, image, scene)?;
         }
-        if !search.has_found() && self.searches_far() {
+        if !search.has_found() && is_searched_far(self.young.lost_frames()) {
             self.search_far(&mut search, aligner, frame, image, scene)?;
         }
         let found = search.best();
@@ -329,13 +324,6 @@ impl Tracker {
             search.add(Origin::Far, first.map_or(found, |keyframe| found.beside(keyframe)));
         }
         Ok(())
-    }
-
-    /// Whether this frame may start from anywhere. That takes many times as long as tracking, so a camera that
-    /// stays lost does it now and then.
-    fn searches_far(&self) -> bool {
-        let lost = self.young.lost_frames();
-        lost < SEARCHED_FAR || lost.is_multiple_of(FAR_EVERY)
     }
 
     /// Where the camera is expected; `None` while it is lost.

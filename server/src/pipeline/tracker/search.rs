@@ -18,6 +18,17 @@ const SAME_RADIANS: f64 = 0.01;
 /// Surfaces agree less at a pose if this share more of the pixels contradicts it in depth.
 const LESS_DEPTH: f64 = 0.02;
 
+/// The first so many lost frames start from anywhere,
+const SEARCHED_FAR: usize = 3;
+/// and after them one in so many.
+const FAR_EVERY: usize = 5;
+
+/// Whether a frame may start from anywhere, after so many lost ones. That takes many times as long as tracking,
+/// so a camera that stays lost does it now and then.
+pub(super) fn is_searched_far(lost_frames: usize) -> bool {
+    lost_frames < SEARCHED_FAR || lost_frames.is_multiple_of(FAR_EVERY)
+}
+
 /// Where an alignment started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
