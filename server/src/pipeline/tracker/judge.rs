@@ -32,11 +32,17 @@ impl Default for Judge {
 }
 
 impl Judge {
-    /// Whether no other start needs to be tried.
+    /// Whether a pose is hardly in doubt.
     pub fn is_convincing(&self, quality: &AlignmentQuality, config: &TrackerConfig) -> bool {
-        let usual = if self.count > KNOWN { self.usual } else { 0.0 };
-        let allowed = (config.convincing_factor * usual).max(config.convincing_disagreement);
+        let allowed = (config.convincing_factor * self.usual).max(config.convincing_disagreement);
         1.0 - quality.agreement <= allowed
+    }
+
+    /// Whether no other start needs to be tried. As long as the sensor is not known, that takes more.
+    pub fn ends_search(&self, quality: &AlignmentQuality, config: &TrackerConfig) -> bool {
+        let is_known = self.count > KNOWN;
+        self.is_convincing(quality, config)
+            && (is_known || 1.0 - quality.agreement <= config.convincing_disagreement)
     }
 
     /// Whether the best of all starts may be the pose.
@@ -82,7 +88,7 @@ mod tests {
     fn at_first_only_little_may_be_unexplained_without_another_start() {
         let config = TrackerConfig::default();
         let convinced =
-            |judge: &Judge, agreement: f64| judge.is_convincing(&quality(agreement), &config);
+            |judge: &Judge, agreement: f64| judge.ends_search(&quality(agreement), &config);
         let mut judge = Judge::default();
         assert!(convinced(&judge, 0.98) && !convinced(&judge, 0.95));
         (0..KNOWN).for_each(|_| judge.learn(&quality(0.95)));

@@ -95,7 +95,7 @@ impl<'a> Search<'a> {
         if self.best.as_ref().is_some_and(|best| is_known && is_alias(best, &found)) {
             return;
         }
-        self.is_done |= is_confirmed || self.judge.is_convincing(quality, config);
+        self.is_done |= is_confirmed || self.judge.ends_search(quality, config);
         let is_better = |best: &PoseCandidate| quality.agreement > best.quality.agreement;
         if is_confirmed || self.best.as_ref().is_none_or(is_better) {
             self.best = Some(found);
