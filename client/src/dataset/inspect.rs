@@ -37,7 +37,7 @@ pub struct Inspection {
     pub depth: Option<DepthSeen>,
     /// Time from the first to the last frame, seconds.
     pub seconds: f64,
-    /// Way of the camera, metres; absent without poses.
+    /// Length of the camera's path, metres; absent without poses.
     pub metres: Option<f64>,
     /// Whether there is ground truth about objects.
     pub has_masks: bool,

@@ -66,7 +66,7 @@ fn described(spec: &DatasetSpec, found: &Inspection) -> String {
         ),
     });
     lines.push(match found.metres {
-        Some(metres) => format!("poses    {with_pose} of {frames} frames, {metres:.1} m of way"),
+        Some(metres) => format!("poses    {with_pose} of {frames} frames, a path of {metres:.1} m"),
         None => "poses    none".into(),
     });
     lines.push(format!(
