@@ -71,6 +71,9 @@ pub struct TrackerConfig {
     pub relocalise_keyframes: usize,
     /// Relocalised if at least this share of the compared pixels has the map's intensity.
     pub relocalise_intensity: f64,
+    /// and the smallest eigenvalue of the normal system is at least this share of the largest: at a blank wall,
+    /// nothing tells one place from another.
+    pub relocalise_conditioning: f64,
     /// Poses of this many newest keyframes are refined with the map. 0: none, because a young map is less
     /// exact than the poses (measured).
     pub refine_keyframes: usize,
@@ -153,6 +156,7 @@ impl TrackerConfig {
         at_least("tracker.max_factor", self.max_factor, 0.0)?;
         within("tracker.confirmed_disagreement", self.confirmed_disagreement, 0.0..=1.0)?;
         within("tracker.relocalise_intensity", self.relocalise_intensity, 0.0..=1.0)?;
+        within("tracker.relocalise_conditioning", self.relocalise_conditioning, 0.0..=1.0)?;
         within("tracker.refine_metres", self.refine_metres, 0.0..=MAX_STEP)?;
         within("tracker.refine_radians", self.refine_radians, 0.0..=MAX_STEP)?;
         within("tracker.refine_exposure", self.refine_exposure, 0.0..=MAX_STEP)?;
@@ -193,7 +197,7 @@ impl Default for TrackerConfig {
             min_overlap: 0.3,
             min_surface: 0.1,
             min_intensity: 0.55,
-            min_conditioning: 6e-4,
+            min_conditioning: 1e-4,
             convincing_disagreement: 0.03,
             convincing_factor: 2.0,
             max_disagreement: 0.05,
@@ -201,6 +205,7 @@ impl Default for TrackerConfig {
             confirmed_disagreement: 0.4,
             relocalise_keyframes: 4,
             relocalise_intensity: 0.6,
+            relocalise_conditioning: 6e-4,
             refine_keyframes: 0,
             refine_metres: 5e-4,
             refine_radians: 1.5e-3,
@@ -296,6 +301,11 @@ mod tests {
             "tracker.relocalise_intensity",
             |c| c.relocalise_intensity = -0.1,
             |c| c.relocalise_intensity = 0.0,
+        ),
+        (
+            "tracker.relocalise_conditioning",
+            |c| c.relocalise_conditioning = 1.1,
+            |c| c.relocalise_conditioning = 0.0,
         ),
         ("tracker.refine_metres", |c| c.refine_metres = 2.0, |c| c.refine_metres = 0.0),
         ("tracker.refine_radians", |c| c.refine_radians = -1.0, |c| c.refine_radians = 0.0),

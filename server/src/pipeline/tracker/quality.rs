@@ -77,7 +77,9 @@ impl AlignmentQuality {
 
     /// Good enough for a pose that started from a guess.
     pub fn is_relocalised(&self, config: &TrackerConfig) -> bool {
-        self.is_tracked(config) && self.intensity >= config.relocalise_intensity
+        self.is_tracked(config)
+            && self.intensity >= config.relocalise_intensity
+            && self.conditioning >= config.relocalise_conditioning
     }
 }
 
