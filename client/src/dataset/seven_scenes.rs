@@ -1,9 +1,9 @@
 //! 7-Scenes layout: `frame-%06d.color.jpg` (or `.jpeg`, `.png`), `frame-%06d.depth.png` (millimetres;
 //! 0 and 65535 are no measurement), `frame-%06d.pose.txt` (`world_from_camera`, 4x4), and
 //! `camera-intrinsics.txt` (3x3), without which pictures of 640x480 are taken to be the Kinect's (585, 585,
-//! 320, 240), which [`Dataset::notes`] says. Numbers may have gaps: a frame keeps its number. With the Kinect's own intrinsics color is not registered to
-//! depth in these files, and is brought there ([`kinect`]); with other intrinsics it is taken as it
-//! is.
+//! 320, 240), which [`Dataset::notes`] says. Numbers may have gaps: a frame keeps its number. With the
+//! Kinect's own intrinsics color is not registered to depth in these files, and is brought there
+//! ([`kinect`]); with other intrinsics it is taken as it is.
 
 use super::error::DatasetError;
 use super::files::Size;

@@ -18,8 +18,8 @@ const READ_AHEAD: usize = 4;
 /// left out, and the summary says so.
 ///
 /// # Errors
-/// [`ClientError`], also if no frame at all can be read. Frames acknowledged before the error are in the map: the same call resumes
-/// after them.
+/// [`ClientError`], also if no frame at all can be read. Frames acknowledged before the error are in the
+/// map: the same call resumes after them.
 pub async fn stream(
     dataset: Arc<dyn Dataset>,
     options: &StreamOptions,

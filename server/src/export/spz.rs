@@ -2,11 +2,11 @@
 //! (<https://github.com/nianticlabs/spz>), about a tenth of the size of the PLY.
 //!
 //! The file is gzipped: a header of 16 bytes, then one array for each attribute. Positions are
-//! 24-bit fixed point, with as many fractional bits as the map's farthest Gaussian leaves; opacities and colors are bytes; scales are bytes of the logarithm; rotations
-//! are the three smallest components of the quaternion in 32 bits. The axes of SPZ are right, up,
-//! back; those of the map's world are right, down, forward, so that y and z are negated. Losses:
-//! 3 % of a scale, 0.1 degrees, and of a position half a step: 0.12 mm up to 2 km from the origin, 1 mm up to
-//! 16 km. A map that is farther away is refused.
+//! 24-bit fixed point, with as many fractional bits as the map's farthest Gaussian leaves; opacities and
+//! colors are bytes; scales are bytes of the logarithm; rotations are the three smallest components of the
+//! quaternion in 32 bits. The axes of SPZ are right, up, back; those of the map's world are right, down,
+//! forward, so that y and z are negated. Losses: 3 % of a scale, 0.1 degrees, and of a position half a
+//! step: 0.12 mm up to 2 km from the origin, 1 mm up to 16 km. A map that is farther away is refused.
 
 use super::splat::{Splat, byte, splats};
 use flate2::Compression;
