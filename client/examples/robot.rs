@@ -47,7 +47,7 @@ pub async fn send(
 ) -> Result<usize, Box<dyn Error>> {
     let spec = MapSpec {
         map: map.to_owned(),
-        intrinsics: dataset.intrinsics(),
+        cameras: dataset.cameras(),
         depth_unit_metres: dataset.depth_unit_metres(),
         poses: Poses::Given,
         label_texts: Vec::new(),

@@ -56,7 +56,7 @@ pub fn open_message(map: &str) -> v1::OpenMap {
         }),
         depth_unit_metres: 0.001,
         pose_source: v1::PoseSource::Given.into(),
-        label_texts: Vec::new(),
+        ..v1::OpenMap::default()
     }
 }
 

@@ -214,7 +214,7 @@ fn opening(map: String) -> v1::FrameMessage {
         intrinsics: Some(intrinsics),
         depth_unit_metres: 0.001,
         pose_source: v1::PoseSource::Given.into(),
-        label_texts: Vec::new(),
+        ..v1::OpenMap::default()
     };
     v1::FrameMessage { message: Some(Message::Open(open)) }
 }

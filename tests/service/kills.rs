@@ -49,6 +49,7 @@ fn open() -> FrameMessage {
         depth_unit_metres: 0.001,
         pose_source: v1::PoseSource::Given.into(),
         label_texts: vec!["wall".into()],
+        ..v1::OpenMap::default()
     };
     FrameMessage { message: Some(Message::Open(open)) }
 }

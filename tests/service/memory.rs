@@ -33,6 +33,7 @@ fn open() -> v1::FrameMessage {
         depth_unit_metres: 0.001,
         pose_source: v1::PoseSource::Given.into(),
         label_texts: vec!["wall".into()],
+        ..v1::OpenMap::default()
     };
     v1::FrameMessage { message: Some(Message::Open(open)) }
 }

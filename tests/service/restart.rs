@@ -226,7 +226,7 @@ async fn clients_wait_for_a_map_that_is_loading() {
     let Camera { width, height, fx, fy, cx, cy } = robot.camera;
     let spec = MapSpec {
         map: MAP.into(),
-        intrinsics: Intrinsics { width, height, fx, fy, cx, cy },
+        cameras: Intrinsics { width, height, fx, fy, cx, cy }.into(),
         depth_unit_metres: 1.0 / 6553.5,
         poses: Poses::Estimate,
         label_texts: Vec::new(),

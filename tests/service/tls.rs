@@ -36,7 +36,7 @@ fn trusts(authority: &Authority) -> Access {
 fn spec(map: &str) -> MapSpec {
     MapSpec {
         map: map.into(),
-        intrinsics: Intrinsics { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 },
+        cameras: Intrinsics { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 }.into(),
         depth_unit_metres: 0.001,
         poses: Poses::Given,
         label_texts: Vec::new(),

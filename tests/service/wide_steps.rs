@@ -125,7 +125,7 @@ async fn walk(dataset: Box<dyn Dataset>, config: Config) -> Walk {
     let dataset: Arc<dyn Dataset> = Arc::from(dataset);
     let spec = MapSpec {
         map: "walk".into(),
-        intrinsics: dataset.intrinsics(),
+        cameras: dataset.cameras(),
         depth_unit_metres: dataset.depth_unit_metres(),
         poses: Poses::Estimate,
         label_texts: Vec::new(),

@@ -49,7 +49,7 @@ impl Robot {
             intrinsics: Some(v1::Intrinsics { width, height, fx, fy, cx, cy }),
             depth_unit_metres: DEPTH_UNIT_METRES,
             pose_source: v1::PoseSource::Given.into(),
-            label_texts: Vec::new(),
+            ..v1::OpenMap::default()
         };
         v1::FrameMessage { message: Some(Message::Open(open)) }
     }

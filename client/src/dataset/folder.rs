@@ -143,7 +143,8 @@ impl Folder {
         let Camera { fx, fy, cx, cy } = described.camera;
         let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
         let (name, depth_unit_metres, notes) = (name::of(folder), unit, Vec::new());
-        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        let cameras = intrinsics.into();
+        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
         Ok(Self { recording })
     }
 }

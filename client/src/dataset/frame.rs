@@ -20,6 +20,116 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
+impl Intrinsics {
+    /// The same lens in a picture of another size: pixel edges stay edges.
+    pub fn scaled(&self, width: u32, height: u32) -> Self {
+        let (x, y) =
+            (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Self {
+            width,
+            height,
+            fx: self.fx * x,
+            fy: self.fy * y,
+            cx: (self.cx + 0.5) * x - 0.5,
+            cy: (self.cy + 0.5) * y - 0.5,
+        }
+    }
+}
+
+/// How a lens departs from a pinhole; coefficients as of OpenCV.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Distortion {
+    /// It does not.
+    #[default]
+    None,
+    /// Brown–Conrady: 4, 5 or 8 coefficients k1 k2 p1 p2 k3 k4 k5 k6. In ROS "plumb_bob" and
+    /// "rational_polynomial".
+    BrownConrady(Vec<f64>),
+    /// Kannala–Brandt (fisheye): k1 k2 k3 k4. In ROS "equidistant".
+    KannalaBrandt([f64; 4]),
+}
+
+/// A camera with its lens.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Size, focal lengths and principal point.
+    pub intrinsics: Intrinsics,
+    /// Distortion of the lens.
+    pub distortion: Distortion,
+}
+
+impl From<Intrinsics> for Camera {
+    /// A camera without distortion.
+    fn from(intrinsics: Intrinsics) -> Self {
+        Self { intrinsics, distortion: Distortion::None }
+    }
+}
+
+/// The camera of depth, where it is not color's.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DepthCamera {
+    /// Color's own lens at another resolution, as phones have it.
+    SameLens {
+        /// Columns of depth, pixels.
+        width: u32,
+        /// Rows of depth, pixels.
+        height: u32,
+    },
+    /// A camera of its own.
+    Own {
+        /// Size, intrinsics and distortion.
+        camera: Camera,
+        /// Its pose in the coordinates of the color camera, metres.
+        color_from_depth: Isometry3<f64>,
+    },
+}
+
+/// The cameras of a recording, and which values of depth are measurements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cameras {
+    /// The color camera.
+    pub color: Camera,
+    /// The depth camera; `None`: depth is registered to color, with color's size.
+    pub depth: Option<DepthCamera>,
+    /// Nearest and farthest depth that counts as a measurement, metres; `None`: the server's limits.
+    pub depth_range_metres: Option<[f64; 2]>,
+    /// Values of 16-bit depth that mean no measurement, beside 0; empty: 65535.
+    pub no_depth: Vec<u16>,
+    /// The direction up in the coordinates of given poses; `None`: not known.
+    pub up: Option<[f64; 3]>,
+}
+
+impl From<Intrinsics> for Cameras {
+    /// Depth that is registered to color, taken through a lens without distortion.
+    fn from(intrinsics: Intrinsics) -> Self {
+        Self {
+            color: intrinsics.into(),
+            depth: None,
+            depth_range_metres: None,
+            no_depth: Vec::new(),
+            up: None,
+        }
+    }
+}
+
+impl Cameras {
+    /// Whether frames are as a map uses them: no distortion, and depth registered to color.
+    pub fn are_registered(&self) -> bool {
+        self.color.distortion == Distortion::None && self.depth.is_none()
+    }
+
+    /// Columns and rows of depth images.
+    pub fn depth_size(&self) -> (u32, u32) {
+        match &self.depth {
+            None => (self.color.intrinsics.width, self.color.intrinsics.height),
+            Some(DepthCamera::SameLens { width, height }) => (*width, *height),
+            Some(DepthCamera::Own { camera, .. }) => {
+                (camera.intrinsics.width, camera.intrinsics.height)
+            }
+        }
+    }
+}
+
 /// A color image as it is stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Color {
@@ -47,10 +157,23 @@ pub struct RgbdFrame {
     pub timestamp_nanos: u64,
     /// The color image.
     pub color: Color,
-    /// The depth image, registered to the color image.
+    /// The depth image, of the camera that [`Cameras`] says.
     pub depth: Depth,
     /// The camera's pose, metres (camera x right, y down, z forward); absent if it is not known.
     pub world_from_camera: Option<Isometry3<f64>>,
+    /// What else some cameras tell.
+    pub extras: FrameExtras,
+}
+
+/// What some cameras tell with each frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameExtras {
+    /// The color camera of this frame, where autofocus changes it; of the usual size.
+    pub intrinsics: Option<Intrinsics>,
+    /// When depth was taken, nanoseconds; `None`: together with color.
+    pub depth_timestamp_nanos: Option<u64>,
+    /// The direction up in the camera's coordinates, of any length; `None`: not known.
+    pub up: Option<[f64; 3]>,
 }
 
 /// When and where a frame was taken, without its pictures.

@@ -1,7 +1,7 @@
 //! Data sets on top of other ones: a part, a simulated sensor, a record of what was read.
 
 use super::error::DatasetError;
-use super::frame::{Intrinsics, Moment, RgbdFrame};
+use super::frame::{Cameras, Intrinsics, Moment, RgbdFrame};
 use super::source::Dataset;
 use super::truth::Truth;
 
@@ -20,6 +20,11 @@ pub trait Layer: Send + Sync {
     /// [`Dataset::len`].
     fn count(&self) -> usize {
         self.below().len()
+    }
+
+    /// [`Dataset::cameras`].
+    fn cameras(&self) -> Cameras {
+        self.below().cameras()
     }
 
     /// [`Dataset::sequence`].
@@ -75,6 +80,10 @@ impl<T: Layer> Dataset for T {
 
     fn intrinsics(&self) -> Intrinsics {
         self.below().intrinsics()
+    }
+
+    fn cameras(&self) -> Cameras {
+        Layer::cameras(self)
     }
 
     fn depth_unit_metres(&self) -> f64 {

@@ -35,7 +35,8 @@ mod tests;
 pub use error::DatasetError;
 pub use folder::Folder;
 pub use frame::{
-    Color, ColorFormat, Depth, DepthFormat, Intrinsics, Moment, RgbdFrame, counted_nanos,
+    Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, FrameExtras,
+    Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
 pub use inspect::{DepthSeen, Inspection, inspect};
 pub use layer::Layer;

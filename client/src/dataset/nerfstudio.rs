@@ -103,7 +103,8 @@ impl Nerfstudio {
         let mut notes = Vec::new();
         let intrinsics = intrinsics(&path, &list, recording::color_size(&frames)?, &mut notes)?;
         let (name, depth_unit_metres) = (name::of(folder), DEPTH_UNIT_METRES);
-        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        let cameras = intrinsics.into();
+        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
         Ok(Self { recording })
     }
 }
@@ -179,7 +180,7 @@ impl Nerfstudio {
                 return Err(DatasetError::content(&entry.depth, reason));
             }
         };
-        let Intrinsics { width, height, .. } = self.recording.intrinsics;
+        let Intrinsics { width, height, .. } = self.recording.intrinsics();
         if units.dimensions() == (width, height) {
             return Ok(depth);
         }

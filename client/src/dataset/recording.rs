@@ -2,7 +2,7 @@
 
 use super::error::DatasetError;
 use super::files::{self, Size};
-use super::frame::{Intrinsics, Moment, RgbdFrame};
+use super::frame::{Cameras, FrameExtras, Intrinsics, Moment, RgbdFrame};
 use super::source::Dataset;
 use nalgebra::Isometry3;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ pub(super) struct Entry {
 #[derive(Debug)]
 pub(super) struct Recording {
     pub name: String,
-    pub intrinsics: Intrinsics,
+    pub cameras: Cameras,
     pub depth_unit_metres: f64,
     pub frames: Vec<Entry>,
     /// See [`Dataset::skipped`].
@@ -93,7 +93,11 @@ impl Dataset for Recording {
     }
 
     fn intrinsics(&self) -> Intrinsics {
-        self.intrinsics
+        self.cameras.color.intrinsics
+    }
+
+    fn cameras(&self) -> Cameras {
+        self.cameras.clone()
     }
 
     fn depth_unit_metres(&self) -> f64 {
@@ -112,6 +116,7 @@ impl Dataset for Recording {
             color: files::color(&entry.color)?,
             depth: files::depth(&entry.depth)?,
             world_from_camera: entry.world_from_camera.as_ref().ok().copied(),
+            extras: FrameExtras::default(),
         })
     }
 

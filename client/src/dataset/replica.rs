@@ -81,7 +81,8 @@ impl Replica {
         let sequences = frames.iter().map(|frame| frame.sequence).collect();
         let labels = Labels::open(folder, sequences, size)?;
         let (name, notes) = (name::of(folder), Vec::new());
-        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        let cameras = intrinsics.into();
+        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
         Ok(Self { recording, labels })
     }
 }

@@ -49,7 +49,8 @@ impl SevenScenes {
         let mut notes = Vec::new();
         let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
         let (name, depth_unit_metres) = (name::of(folder), 0.001);
-        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        let cameras = intrinsics.into();
+        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
         Ok(Self { recording })
     }
 }
@@ -120,7 +121,7 @@ fn encoded(
 impl SevenScenes {
     /// Whether color and depth come from the Kinect's two cameras and are not registered.
     fn is_unregistered(&self) -> bool {
-        let Intrinsics { width, height, fx, fy, cx, cy } = self.recording.intrinsics;
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.recording.intrinsics();
         (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
     }
 }

@@ -1,7 +1,7 @@
 //! The trait that every data set implements.
 
 use super::error::DatasetError;
-use super::frame::{Intrinsics, Moment, RgbdFrame};
+use super::frame::{Cameras, Intrinsics, Moment, RgbdFrame};
 use super::truth::Truth;
 
 /// A sequence of RGB-D frames of one camera.
@@ -17,8 +17,14 @@ pub trait Dataset: Send + Sync {
         self.len() == 0
     }
 
-    /// The camera of every frame.
+    /// The pinhole camera that the frames are of, or that they are to be seen with: that of
+    /// [`Dataset::clean_frame`].
     fn intrinsics(&self) -> Intrinsics;
+
+    /// The cameras as they are, with distortion, and depth apart from color.
+    fn cameras(&self) -> Cameras {
+        self.intrinsics().into()
+    }
 
     /// Metres per unit of depth.
     fn depth_unit_metres(&self) -> f64;

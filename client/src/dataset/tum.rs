@@ -68,7 +68,8 @@ impl Tum {
         let (skipped, mut notes) = (skipped.collect(), Vec::new());
         let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
         let (name, depth_unit_metres) = (name::of(folder), DEPTH_UNIT_METRES);
-        let recording = Recording { name, intrinsics, depth_unit_metres, frames, skipped, notes };
+        let cameras = intrinsics.into();
+        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
         Ok(Self { recording })
     }
 }

@@ -7,10 +7,10 @@
 use super::connect::connect;
 use super::error::ClientError;
 use super::options::{Encoder, Poses, StreamOptions};
+use super::wire;
 use crate::access::Access;
-use crate::dataset::{Dataset, Instance, Intrinsics, RgbdFrame};
+use crate::dataset::{Cameras, Dataset, Instance, RgbdFrame};
 use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
-use nalgebra::Isometry3;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -26,8 +26,8 @@ const RETRY: Duration = Duration::from_secs(1);
 pub struct MapSpec {
     /// The map's name.
     pub map: String,
-    /// The camera of every frame.
-    pub intrinsics: Intrinsics,
+    /// The cameras of every frame.
+    pub cameras: Cameras,
     /// Metres per unit of depth.
     pub depth_unit_metres: f64,
     /// Where poses come from.
@@ -41,7 +41,7 @@ impl MapSpec {
     pub(super) fn of(dataset: &dyn Dataset, options: &StreamOptions) -> Self {
         Self {
             map: options.map.clone(),
-            intrinsics: dataset.intrinsics(),
+            cameras: dataset.cameras(),
             depth_unit_metres: dataset.depth_unit_metres(),
             poses: options.poses,
             label_texts: match (options.encoder, dataset.truth()) {
@@ -119,7 +119,7 @@ impl FrameSender {
     /// Sends a frame, waiting while the queue is full. Returns false if the stream has ended: the
     /// reason comes out of [`Acks::next`].
     pub async fn send(&self, frame: RgbdFrame) -> bool {
-        self.0.send(message(wire_frame(frame))).await.is_ok()
+        self.0.send(message(wire::frame(frame))).await.is_ok()
     }
 
     /// The same from a thread that may block.
@@ -151,14 +151,21 @@ impl Acks {
 }
 
 fn wire_spec(spec: MapSpec) -> v1::OpenMap {
-    let Intrinsics { width, height, fx, fy, cx, cy } = spec.intrinsics;
     let pose_source = match spec.poses {
         Poses::Given => v1::PoseSource::Given,
         Poses::Estimate => v1::PoseSource::Estimated,
     };
+    let Cameras { color, depth, depth_range_metres, no_depth, up } = spec.cameras;
+    let [min_depth_metres, max_depth_metres] = depth_range_metres.unwrap_or_default();
     v1::OpenMap {
         map: spec.map,
-        intrinsics: Some(v1::Intrinsics { width, height, fx, fy, cx, cy }),
+        intrinsics: Some(wire::intrinsics(&color.intrinsics)),
+        distortion: wire::distortion(color.distortion),
+        depth_camera: depth.map(wire::depth_camera),
+        min_depth_metres,
+        max_depth_metres,
+        no_depth: no_depth.into_iter().map(u32::from).collect(),
+        up: up.map(wire::vector),
         depth_unit_metres: spec.depth_unit_metres,
         pose_source: pose_source.into(),
         label_texts: spec.label_texts,
@@ -173,27 +180,4 @@ fn label_texts(instances: &[Instance]) -> Vec<String> {
         texts[usize::from(thing.id) - 1].clone_from(&thing.class);
     }
     texts
-}
-
-/// A frame as a message of the protocol, without labels.
-pub(super) fn wire_frame(frame: RgbdFrame) -> v1::Frame {
-    v1::Frame {
-        sequence: frame.sequence,
-        timestamp_nanos: frame.timestamp_nanos,
-        color_format: frame.color.format.into(),
-        color: frame.color.bytes.into(),
-        depth_format: frame.depth.format.into(),
-        depth: frame.depth.bytes.into(),
-        world_from_camera: frame.world_from_camera.as_ref().map(wire_pose),
-        pose_covariance: Vec::new(),
-        ..v1::Frame::default()
-    }
-}
-
-fn wire_pose(target_from_source: &Isometry3<f64>) -> v1::Pose {
-    let (q, t) = (target_from_source.rotation, target_from_source.translation);
-    v1::Pose {
-        rotation: Some(v1::Quaternion { w: q.w, x: q.i, y: q.j, z: q.k }),
-        translation_metres: Some(v1::Vector3 { x: t.x, y: t.y, z: t.z }),
-    }
 }

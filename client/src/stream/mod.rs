@@ -10,6 +10,7 @@ mod options;
 mod producer;
 mod summary;
 mod upload;
+mod wire;
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
 //! Reads or renders frames ahead of the wire, on a blocking thread.
 
-use super::connection::{FrameSender, wire_frame};
+use super::connection::FrameSender;
 use super::error::ClientError;
+use super::wire;
 use crate::dataset::{Dataset, DatasetError, Mask};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
@@ -52,7 +53,7 @@ impl Producer {
         if self.needs_poses && frame.world_from_camera.is_none() {
             return Err(ClientError::NoPose { sequence });
         }
-        let mut wire = wire_frame(frame);
+        let mut wire = wire::frame(frame);
         wire.held_out = self.is_held_out(index);
         if let Some(truth) = self.dataset.truth().filter(|_| self.labels) {
             wire.set_label_format(v1::LabelFormat::Png);

@@ -2,7 +2,8 @@
 
 use crate::access::Access;
 use crate::dataset::{
-    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Intrinsics, RgbdFrame,
+    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, FrameExtras, Intrinsics,
+    RgbdFrame,
 };
 use crate::stream::{
     ClientError, Encoder, FrameAck, FrameStatus, InputWarning, LeftOut, Poses, Refusal,
@@ -54,6 +55,7 @@ impl Dataset for Numbers {
             depth: Depth { format: DepthFormat::U16, bytes: vec![2; 4] },
             world_from_camera: (sequence != 14)
                 .then(|| Isometry3::translation(sequence as f64, 0.0, 0.0)),
+            extras: FrameExtras::default(),
         })
     }
 }

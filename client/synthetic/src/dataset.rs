@@ -5,8 +5,8 @@ use crate::encode::{DEPTH_SCALE, depth_png, jpeg};
 use crate::room::Room;
 use crate::shake::shaken;
 use lexsplat_client::dataset::{
-    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, Instance, Intrinsics, Mask,
-    Moment, RgbdFrame, Truth, counted_nanos,
+    Color, ColorFormat, Dataset, DatasetError, Depth, DepthFormat, FrameExtras, Instance,
+    Intrinsics, Mask, Moment, RgbdFrame, Truth, counted_nanos,
 };
 use nalgebra::Isometry3;
 use std::sync::{Arc, Mutex};
@@ -120,6 +120,7 @@ impl Dataset for SyntheticDataset {
             color: Color { format: ColorFormat::Jpeg, bytes: jpeg(&view).map_err(failed)? },
             depth: Depth { format: DepthFormat::Png16, bytes: depth_png(&view).map_err(failed)? },
             world_from_camera: Some(self.walk[index]),
+            extras: FrameExtras::default(),
         })
     }
 

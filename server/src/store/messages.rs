@@ -272,6 +272,9 @@ mod tests {
                     label_format: v1::LabelFormat::Png.into(),
                     labels: vec![6].into(),
                     held_out: true,
+                    intrinsics: Some(CAMERA),
+                    depth_timestamp_nanos: 5_000_000_009,
+                    up: Some(v1::Vector3 { x: 0.0, y: -1.0, z: 0.1 }),
                 };
                 assert_eq!(back(&frame), frame);
             }

@@ -31,6 +31,7 @@ pub(crate) struct Damage {
 
 /// The next thing in a file.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "entries are handed on one by one, never stored")]
 pub(crate) enum Entry {
     Message(Message),
     Damage(Damage),

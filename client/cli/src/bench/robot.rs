@@ -50,7 +50,7 @@ impl Robot {
         }
         let spec = MapSpec {
             map: map.to_owned(),
-            intrinsics: dataset.intrinsics(),
+            cameras: dataset.cameras(),
             depth_unit_metres: dataset.depth_unit_metres(),
             poses: Poses::Given,
             label_texts: Vec::new(),

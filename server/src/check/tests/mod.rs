@@ -32,6 +32,7 @@ fn open_message() -> v1::OpenMap {
         depth_unit_metres: 0.001,
         pose_source: v1::PoseSource::Given.into(),
         label_texts: ["wall", " sofa\n", ""].map(str::to_owned).to_vec(),
+        ..v1::OpenMap::default()
     }
 }
 
@@ -77,10 +78,7 @@ fn good() -> v1::Frame {
             rotation: Some(v1::Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 }),
             translation_metres: Some(v1::Vector3 { x: 1.0, y: 2.0, z: 3.0 }),
         }),
-        pose_covariance: Vec::new(),
-        label_format: v1::LabelFormat::Unspecified.into(),
-        labels: Vec::new().into(),
-        held_out: false,
+        ..v1::Frame::default()
     }
 }
 
