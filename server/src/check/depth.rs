@@ -1,30 +1,23 @@
 //! Depth images: 16-bit PNG, raw 16 bit, zstd of it, or metres -> `[height * width]` metres.
 //!
-//! Depths out of range become 0, "no measurement", and so does 65535 in the 16-bit formats. If nearly
+//! Depths out of range become 0, "no measurement", and so do the values of [`Depths::none`] in the 16-bit formats. If nearly
 //! all depths are out of range, the unit must be wrong, and the frame is refused.
 
-use super::images::{self, u16s, unzstd};
-use super::limits::Limits;
-use super::opening::Opening;
+use super::images::{self, Size, u16s, unzstd};
+use super::opening::{Depths, Opening};
 use super::refusal::Refusal;
-use crate::pipeline::frame::Intrinsics;
 use image::{DynamicImage, ImageFormat};
 use lexsplat_proto::v1;
 
 const FIELD: &str = "depth";
-/// What cameras and files write where 16 bits do not hold the depth, or where there is none.
-const SATURATED: u16 = u16::MAX;
 /// Share of the measurements that must be in range; below it the unit is assumed to be wrong.
 const LEAST_SHARE_IN_RANGE: f64 = 0.01;
 
-/// Decodes a depth image of the camera's size.
-pub(super) fn decode(
-    wire: &v1::Frame,
-    opening: &Opening,
-    limits: &Limits,
-) -> Result<Vec<f32>, Refusal> {
-    let camera = &opening.intrinsics;
-    let pixels = camera.width as usize * camera.height as usize;
+/// Decodes a depth image of the depth camera's size.
+pub(super) fn decode(wire: &v1::Frame, opening: &Opening) -> Result<Vec<f32>, Refusal> {
+    let size = opening.registration.cameras().depth_size();
+    let pixels = size.0 as usize * size.1 as usize;
+    let scaled = |units: Vec<u16>, unit_metres| scaled(units, unit_metres, &opening.depths.none);
     let unit = || {
         opening.depth_unit_metres.ok_or_else(|| {
             Refusal::new(
@@ -34,7 +27,7 @@ pub(super) fn decode(
         })
     };
     let metres = match v1::DepthFormat::try_from(wire.depth_format) {
-        Ok(v1::DepthFormat::Png16) => scaled(png16(&wire.depth, camera)?, unit()?),
+        Ok(v1::DepthFormat::Png16) => scaled(png16(&wire.depth, size)?, unit()?),
         Ok(v1::DepthFormat::U16) => scaled(u16s(FIELD, &wire.depth, pixels)?, unit()?),
         Ok(v1::DepthFormat::U16Zstd) => {
             scaled(u16s(FIELD, &unzstd(FIELD, &wire.depth, pixels * 2)?, pixels)?, unit()?)
@@ -50,11 +43,11 @@ pub(super) fn decode(
             ));
         }
     };
-    in_range(metres, limits)
+    in_range(metres, &opening.depths)
 }
 
-fn png16(data: &[u8], camera: &Intrinsics) -> Result<Vec<u16>, Refusal> {
-    match images::decode(FIELD, ImageFormat::Png, data, camera)? {
+fn png16(data: &[u8], size: Size) -> Result<Vec<u16>, Refusal> {
+    match images::decode(FIELD, ImageFormat::Png, data, size)? {
         DynamicImage::ImageLuma16(image) => Ok(image.into_raw()),
         other => Err(Refusal::new(
             FIELD,
@@ -71,17 +64,18 @@ fn f32s(data: &[u8], pixels: usize) -> Result<Vec<f32>, Refusal> {
         .collect())
 }
 
-/// Metres; 0 where nothing was measured, or more than 16 bits hold.
-fn scaled(units: Vec<u16>, unit_metres: f64) -> Vec<f32> {
+/// Metres; 0 where nothing was measured.
+fn scaled(units: Vec<u16>, unit_metres: f64, none: &[u16]) -> Vec<f32> {
     let metres = |units| {
-        if units == SATURATED { 0.0 } else { (f64::from(units) * unit_metres) as f32 }
+        if none.contains(&units) { 0.0 } else { (f64::from(units) * unit_metres) as f32 }
     };
     units.into_iter().map(metres).collect()
 }
 
 /// Sets depths out of range to 0; refuses the frame if nearly all are out of range.
-fn in_range(mut metres: Vec<f32>, limits: &Limits) -> Result<Vec<f32>, Refusal> {
-    let range = limits.min_depth_metres..=limits.max_depth_metres;
+fn in_range(mut metres: Vec<f32>, depths: &Depths) -> Result<Vec<f32>, Refusal> {
+    let [near, far] = depths.range_metres;
+    let range = near..=far;
     let (mut measured, mut kept, mut example) = (0_usize, 0_usize, 0.0);
     for depth in &mut metres {
         // 0, negative, NaN and infinite mean "no measurement" on the wire.
@@ -98,7 +92,6 @@ fn in_range(mut metres: Vec<f32>, limits: &Limits) -> Result<Vec<f32>, Refusal> 
         }
     }
     if (kept as f64) < LEAST_SHARE_IN_RANGE * measured as f64 {
-        let (near, far) = (range.start(), range.end());
         return Err(Refusal::new(
             FIELD,
             format!(

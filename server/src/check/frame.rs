@@ -1,6 +1,7 @@
 //! Frames of a stream.
 
 use super::camera;
+use super::cameras;
 use super::color;
 use super::depth;
 use super::labels;
@@ -8,6 +9,7 @@ use super::limits::Limits;
 use super::opening::Opening;
 use super::refusal::Refusal;
 use crate::pipeline::frame::{Frame, PoseHint};
+use crate::pipeline::registration::RawFrame;
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix6};
 
@@ -28,9 +30,11 @@ pub(crate) fn frame(
     opening: &Opening,
     newest: Option<u64>,
     limits: &Limits,
-) -> Result<Frame, Refusal> {
+) -> Result<RawFrame, Refusal> {
     sequence(wire.sequence, newest, limits)?;
-    let intrinsics = opening.intrinsics;
+    let sent = opening.registration.cameras();
+    let intrinsics = cameras::of_frame(wire.intrinsics.as_ref(), &sent.color.intrinsics, limits)?;
+    let size = (intrinsics.width, intrinsics.height);
     let pose = pose(wire, opening.estimates_poses)?;
     let covariance = covariance(&wire.pose_covariance)?;
     let (world_from_camera, hint) = match pose {
@@ -39,10 +43,10 @@ pub(crate) fn frame(
         }
         given => (given, None),
     };
-    let rgb = color::decode(wire.color_format, &wire.color, &intrinsics)?;
-    let depth_metres = depth::decode(wire, opening, limits)?;
-    let labels = labels::decode(wire, &opening.intrinsics, &opening.label_texts)?;
-    Ok(Frame {
+    let rgb = color::decode(wire.color_format, &wire.color, size)?;
+    let depth_metres = depth::decode(wire, opening)?;
+    let labels = labels::decode(wire, size, &opening.label_texts)?;
+    Ok(RawFrame(Frame {
         sequence: wire.sequence,
         timestamp_nanos: wire.timestamp_nanos,
         intrinsics,
@@ -52,7 +56,7 @@ pub(crate) fn frame(
         hint,
         labels,
         held_out: wire.held_out,
-    })
+    }))
 }
 
 /// Checks that sequence numbers increase, and leave room for the frames to come.

@@ -1,12 +1,14 @@
 //! Decoding shared by color, depth and label images.
 
 use super::refusal::Refusal;
-use crate::pipeline::frame::Intrinsics;
 use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Read as _};
 
 /// The largest window that a zstd stream may ask for: 2^this bytes.
 const ZSTD_WINDOW_LOG_MAX: u32 = 27;
+
+/// Columns and rows.
+pub(super) type Size = (u32, u32);
 
 /// Decodes a PNG or JPEG of the camera's size. Its header is checked before pixels are decoded, and all that
 /// stands in the file (profiles, texts) is decoded within the memory of an image of that size.
@@ -14,31 +16,28 @@ pub(super) fn decode(
     field: &str,
     format: ImageFormat,
     data: &[u8],
-    camera: &Intrinsics,
+    size: Size,
 ) -> Result<DynamicImage, Refusal> {
     let name = format.extensions_str()[0].to_uppercase();
     let bad = |error| Refusal::new(field, format!("not a {name} ({} bytes): {error}", data.len()));
     let mut reader = ImageReader::with_format(Cursor::new(data), format);
-    reader.limits(decoder_limits(camera));
+    reader.limits(decoder_limits(size));
     let decoder = reader.into_decoder().map_err(bad)?;
-    same_size(field, decoder.dimensions(), camera)?;
+    same_size(field, decoder.dimensions(), size)?;
     DynamicImage::from_decoder(decoder).map_err(bad)
 }
 
 /// Memory that a decoder may use for an image of the camera's size.
-fn decoder_limits(camera: &Intrinsics) -> Limits {
+fn decoder_limits((width, height): Size) -> Limits {
     // The widest pixel is RGBA of 16 bits; doubled for the decoder's buffers.
     const BYTES_PER_PIXEL: u64 = 8 * 2;
     const TABLE_BYTES: u64 = 1 << 20;
-    let Intrinsics { width, height, .. } = *camera;
     let mut limits = Limits::default();
     limits.max_alloc = Some(u64::from(width) * u64::from(height) * BYTES_PER_PIXEL + TABLE_BYTES);
     limits
 }
 
-/// Checks that an image, `(width, height)`, has the camera's size.
-fn same_size(field: &str, found: (u32, u32), camera: &Intrinsics) -> Result<(), Refusal> {
-    let Intrinsics { width, height, .. } = *camera;
+fn same_size(field: &str, found: Size, (width, height): Size) -> Result<(), Refusal> {
     if found == (width, height) {
         return Ok(());
     }

@@ -1,8 +1,8 @@
 //! Label images: grey PNG, raw 16 bit or zstd of it -> `[height * width]` labels, with their texts.
 
-use super::images::{self, u16s, unzstd};
+use super::images::{self, Size, u16s, unzstd};
 use super::refusal::Refusal;
-use crate::pipeline::frame::{Intrinsics, Labels};
+use crate::pipeline::frame::Labels;
 use crate::pipeline::query::MAX_TEXT_BYTES;
 use image::{DynamicImage, ImageFormat};
 use lexsplat_proto::v1;
@@ -30,14 +30,14 @@ pub(super) fn texts(wire: &[String]) -> Result<Arc<[String]>, Refusal> {
 /// the stream was opened with.
 pub(super) fn decode(
     wire: &v1::Frame,
-    camera: &Intrinsics,
+    size: Size,
     texts: &Arc<[String]>,
 ) -> Result<Option<Labels>, Refusal> {
-    let width = camera.width as usize;
-    let (pixels, data) = (width * camera.height as usize, &wire.labels[..]);
+    let (width, height) = (size.0 as usize, size.1 as usize);
+    let (pixels, data) = (width * height, &wire.labels[..]);
     let ids = match v1::LabelFormat::try_from(wire.label_format) {
         Ok(v1::LabelFormat::Unspecified) if data.is_empty() => return Ok(None),
-        Ok(v1::LabelFormat::Png) => png(data, camera)?,
+        Ok(v1::LabelFormat::Png) => png(data, size)?,
         Ok(v1::LabelFormat::U16) => u16s(FIELD, data, pixels)?,
         Ok(v1::LabelFormat::U16Zstd) => u16s(FIELD, &unzstd(FIELD, data, pixels * 2)?, pixels)?,
         Ok(v1::LabelFormat::Unspecified) | Err(_) => {
@@ -62,8 +62,8 @@ pub(super) fn decode(
     Ok(Some(Labels { ids: ids.into(), texts: texts.clone() }))
 }
 
-fn png(data: &[u8], camera: &Intrinsics) -> Result<Vec<u16>, Refusal> {
-    match images::decode(FIELD, ImageFormat::Png, data, camera)? {
+fn png(data: &[u8], size: Size) -> Result<Vec<u16>, Refusal> {
+    match images::decode(FIELD, ImageFormat::Png, data, size)? {
         DynamicImage::ImageLuma8(image) => {
             Ok(image.into_raw().into_iter().map(u16::from).collect())
         }

@@ -6,6 +6,7 @@
 //! everywhere.
 
 mod camera;
+mod cameras;
 mod color;
 mod depth;
 mod frame;

@@ -1,27 +1,44 @@
 //! Opening messages of streams.
 
-use super::camera;
+use super::cameras;
 use super::labels;
 use super::limits::Limits;
 use super::refusal::Refusal;
-use crate::pipeline::frame::Intrinsics;
+use crate::pipeline::registration::Registration;
 use lexsplat_proto::v1;
 use std::sync::Arc;
 
 /// The largest size of one unit of depth, metres.
 const MAX_DEPTH_UNIT_METRES: f64 = 1.0;
 
+/// What cameras and files write where 16 bits do not hold the depth, or where there is none.
+const SATURATED: u16 = u16::MAX;
+/// Most values that may mean no measurement.
+const MOST_NO_DEPTH: usize = 16;
+
 /// A checked opening message; it holds for all frames of the stream.
 #[derive(Clone, Debug)]
 pub(crate) struct Opening {
-    pub(crate) intrinsics: Intrinsics,
+    /// Brings frames to one pinhole camera.
+    pub(crate) registration: Arc<Registration>,
     /// Metres per unit of 16-bit depth; `None` if it was not given, then only depth in metres is
     /// accepted.
     pub(crate) depth_unit_metres: Option<f64>,
+    /// Depths that count as measurements.
+    pub(crate) depths: Depths,
     /// Whether the server estimates the poses.
     pub(crate) estimates_poses: bool,
     /// Text of each label; empty if frames carry no labels.
     pub(crate) label_texts: Arc<[String]>,
+}
+
+/// Which depths count as measurements.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Depths {
+    /// Nearest and farthest, metres.
+    pub(crate) range_metres: [f32; 2],
+    /// Values of the 16-bit formats that mean no measurement, beside 0.
+    pub(crate) none: Arc<[u16]>,
 }
 
 /// Checks an opening message, except for the map's name, which the engine checks.
@@ -40,10 +57,7 @@ pub(crate) fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, Re
             return Err(Refusal::new("pose_source", reason));
         }
     };
-    let wire = open.intrinsics.as_ref().ok_or_else(|| {
-        Refusal::new("intrinsics", "missing: expected width, height, fx, fy, cx and cy in pixels")
-    })?;
-    let intrinsics = camera::from_wire("intrinsics", wire, limits.max_pixels)?;
+    let registration = Arc::new(cameras::registration(open, limits)?);
     let unit = open.depth_unit_metres;
     // This form of the condition also refuses NaN.
     if !(0.0..=MAX_DEPTH_UNIT_METRES).contains(&unit) {
@@ -54,5 +68,38 @@ pub(crate) fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, Re
     }
     let depth_unit_metres = (unit > 0.0).then_some(unit);
     let label_texts = labels::texts(&open.label_texts)?;
-    Ok(Opening { intrinsics, depth_unit_metres, estimates_poses, label_texts })
+    let depths = depths(open, limits)?;
+    Ok(Opening { registration, depth_unit_metres, depths, estimates_poses, label_texts })
+}
+
+fn depths(open: &v1::OpenMap, limits: &Limits) -> Result<Depths, Refusal> {
+    let widest = [limits.min_depth_metres, limits.max_depth_metres];
+    let wanted = [open.min_depth_metres, open.max_depth_metres];
+    let fields = ["min_depth_metres", "max_depth_metres"];
+    let mut range_metres = widest;
+    for (at, (field, metres)) in fields.into_iter().zip(wanted).enumerate() {
+        if !(metres.is_finite() && metres >= 0.0) {
+            let reason = format!("expected metres, 0 for the server's limit, found {metres}");
+            return Err(Refusal::new(field, reason));
+        }
+        if metres > 0.0 {
+            range_metres[at] = (metres as f32).clamp(widest[0], widest[1]);
+        }
+    }
+    if range_metres[0] >= range_metres[1] {
+        let [near, far] = range_metres;
+        let reason = format!("expected more than the nearest depth, {near} metres, found {far}");
+        return Err(Refusal::new("max_depth_metres", reason));
+    }
+    if open.no_depth.len() > MOST_NO_DEPTH {
+        let reason = format!("expected at most {MOST_NO_DEPTH}, found {}", open.no_depth.len());
+        return Err(Refusal::new("no_depth", reason));
+    }
+    let value = |value: &u32| {
+        u16::try_from(*value)
+            .map_err(|_| Refusal::new("no_depth", format!("expected 0 to 65535, found {value}")))
+    };
+    let none: Vec<u16> = open.no_depth.iter().map(value).collect::<Result<_, _>>()?;
+    let none = if none.is_empty() { vec![SATURATED] } else { none };
+    Ok(Depths { range_metres, none: none.into() })
 }

@@ -13,7 +13,7 @@ use super::status;
 use crate::access::Caller;
 use crate::check::{self, Opening, Refusal};
 use crate::maps::Recording;
-use crate::pipeline::frame::{FrameOutcome, TrackingState};
+use crate::pipeline::frame::{FrameOutcome, Intrinsics, TrackingState};
 use crate::pipeline::map::Map;
 use crate::telemetry::{DECODE_SECONDS, FRAME_SECONDS, REFUSED, STREAMS};
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, frame_message::Message};
@@ -64,6 +64,7 @@ async fn converse(
     let (recording, opening) = open(&context, &caller, &mut inbound).await?;
     let (pending, waiting) = mpsc::channel(context.config.ack_backlog);
     let acknowledger = Acknowledger {
+        camera: opening.registration.camera(),
         map: recording.map().clone(),
         is_recorded: recording.is_recorded(),
         ack_timeout: Duration::from_secs(context.config.ack_seconds),
@@ -102,7 +103,7 @@ async fn open(
         check::opening(&open, &context.limits).map_err(|refusal| status::refused(&refusal))?;
     let recording =
         context.maps.open(&open).await.map_err(|error| status::of_maps(&error, "map"))?;
-    tracing::info!(map = open.map, caller = caller.name(), camera = ?opening.intrinsics, "a stream opened");
+    tracing::info!(map = open.map, caller = caller.name(), camera = ?opening.registration.camera(), "a stream opened");
     Ok((recording, opening))
 }
 
@@ -166,7 +167,7 @@ impl Reader {
         let sequence = wire.sequence;
         let (wire, checked) = tokio::task::spawn_blocking(move || {
             let checked = check::frame(&wire, &opening, newest, &limits);
-            (wire, checked)
+            (wire, checked.map(|raw| opening.registration.register(raw)))
         })
         .await
         .map_err(|_| Status::internal(format!("decoding frame {sequence} panicked")))?;
@@ -201,6 +202,8 @@ impl Reader {
 }
 
 struct Acknowledger {
+    /// The pinhole camera of the frames.
+    camera: Intrinsics,
     map: Arc<Map>,
     /// Whether every frame that the map received is on disk.
     is_recorded: bool,
@@ -227,6 +230,7 @@ impl Acknowledger {
                 status: FrameStatus::Opened.into(),
                 received_through: self.map.received_through(),
                 map_revision: self.map.status().revision,
+                camera: Some(wire_camera(&self.camera)),
                 ..FrameAck::default()
             },
             Pending::Refused { sequence, refusal } => FrameAck {
@@ -280,6 +284,11 @@ fn outcome_ack(outcome: FrameOutcome) -> FrameAck {
 
 fn row_major(covariance: Matrix6<f64>) -> Vec<f64> {
     covariance.transpose().as_slice().to_vec()
+}
+
+fn wire_camera(camera: &Intrinsics) -> v1::Intrinsics {
+    let Intrinsics { width, height, fx, fy, cx, cy } = *camera;
+    v1::Intrinsics { width, height, fx, fy, cx, cy }
 }
 
 fn wire_pose(target_from_source: &Isometry3<f64>) -> v1::Pose {

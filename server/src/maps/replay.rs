@@ -1,7 +1,7 @@
 //! Mapping the frames of a recording again, all of them or those after a checkpoint.
 
 use super::places::Load;
-use crate::check::{self, Limits, Opening};
+use crate::check::{self, Limits, Opening, Refusal};
 use crate::pipeline::engine::Engine;
 use crate::pipeline::frame::FrameOutcome;
 use crate::pipeline::map::{Map, StreamGuard};
@@ -124,10 +124,12 @@ impl<'a> Replay<'a> {
         let sender = self.sender.as_ref().expect("claimed above");
         let (opening, limits) = (opening.clone(), *self.limits);
         let newest = sender.map().received_through();
-        let checked =
-            tokio::task::spawn_blocking(move || check::frame(&wire, &opening, newest, &limits))
-                .await
-                .map_err(|_| "decoding a frame panicked".to_owned())?;
+        let checked = tokio::task::spawn_blocking(move || {
+            let raw = check::frame(&wire, &opening, newest, &limits)?;
+            Ok::<_, Refusal>(opening.registration.register(raw))
+        })
+        .await
+        .map_err(|_| "decoding a frame panicked".to_owned())?;
         let frame = match checked {
             Ok(frame) => frame,
             // The frame passed when it was recorded: the configured limits are narrower now.

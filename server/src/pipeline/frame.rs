@@ -29,6 +29,20 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
+    /// The same lens in a picture of another size: pixel edges stay edges.
+    pub(super) fn scaled(&self, width: u32, height: u32) -> Self {
+        let x = f64::from(width) / f64::from(self.width);
+        let y = f64::from(height) / f64::from(self.height);
+        Self {
+            width,
+            height,
+            fx: self.fx * x,
+            fy: self.fy * y,
+            cx: (self.cx + 0.5) * x - 0.5,
+            cy: (self.cy + 0.5) * y - 0.5,
+        }
+    }
+
     /// The rasteriser's camera at `world_from_camera`.
     pub fn camera(&self, world_from_camera: &Isometry3<f64>) -> lexsplat_gpu::Camera {
         lexsplat_gpu::Camera {

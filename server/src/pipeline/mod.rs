@@ -31,6 +31,7 @@ mod pose_graph;
 mod quantile;
 pub mod query;
 pub mod range;
+pub mod registration;
 mod saving;
 pub mod snapshot;
 mod srd;

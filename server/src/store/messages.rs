@@ -104,13 +104,39 @@ impl Recorded {
     }
 }
 
+/// Columns and rows of raw images.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sizes {
+    color: (u32, u32),
+    depth: (u32, u32),
+}
+
+impl Sizes {
+    /// The sizes of a stream's images.
+    pub(super) fn of(open: &v1::OpenMap) -> Self {
+        let color = open.intrinsics.unwrap_or_default();
+        let own = open.depth_camera.as_ref().and_then(|camera| camera.intrinsics);
+        let depth = own.unwrap_or(color);
+        Self { color: (color.width, color.height), depth: (depth.width, depth.height) }
+    }
+}
+
 /// The messages at the start of a file.
 pub(super) fn of_opening(open: &v1::OpenMap) -> Vec<Recorded> {
     let v1::Intrinsics { width, height, fx, fy, cx, cy } = open.intrinsics.unwrap_or_default();
+    let lens = open.distortion.clone().unwrap_or_default();
+    let distortion_model = match lens.model() {
+        v1::DistortionModel::Unspecified => "",
+        v1::DistortionModel::BrownConrady if lens.coefficients.len() > 5 => "rational_polynomial",
+        v1::DistortionModel::BrownConrady => "plumb_bob",
+        v1::DistortionModel::KannalaBrandt => "kannala_brandt",
+    };
     let calibration = CameraCalibration {
         frame_id: CAMERA.into(),
         width,
         height,
+        distortion_model: distortion_model.into(),
+        d: lens.coefficients,
         k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
         ..CameraCalibration::default()
@@ -119,12 +145,12 @@ pub(super) fn of_opening(open: &v1::OpenMap) -> Vec<Recorded> {
 }
 
 /// The messages of a frame, in their order.
-pub(super) fn of_frame(mut frame: v1::Frame, camera: &v1::Intrinsics) -> Vec<Recorded> {
+pub(super) fn of_frame(mut frame: v1::Frame, sizes: Sizes) -> Vec<Recorded> {
     let time = Some(timestamp(frame.timestamp_nanos));
     let mut messages = Vec::with_capacity(4);
     let color = std::mem::take(&mut frame.color);
     messages.push(match frame.color_format() {
-        v1::ColorFormat::Rgb8 => raw(Channel::ColorRaw, "rgb8", 3, color, time, camera),
+        v1::ColorFormat::Rgb8 => raw(Channel::ColorRaw, "rgb8", 3, color, time, sizes.color),
         v1::ColorFormat::Png => compressed(Channel::Color, "png", color, time),
         v1::ColorFormat::Jpeg | v1::ColorFormat::Unspecified => {
             compressed(Channel::Color, "jpeg", color, time)
@@ -132,7 +158,7 @@ pub(super) fn of_frame(mut frame: v1::Frame, camera: &v1::Intrinsics) -> Vec<Rec
     });
     if frame.depth_format() == v1::DepthFormat::U16Zstd {
         // The checks have decompressed it once, to exactly this size.
-        let bytes = camera.width as usize * camera.height as usize * 2;
+        let bytes = sizes.depth.0 as usize * sizes.depth.1 as usize * 2;
         if let Ok(plain) = zstd::bulk::decompress(&frame.depth, bytes) {
             frame.depth = plain.into();
             frame.set_depth_format(v1::DepthFormat::U16);
@@ -140,9 +166,9 @@ pub(super) fn of_frame(mut frame: v1::Frame, camera: &v1::Intrinsics) -> Vec<Rec
     }
     let depth = std::mem::take(&mut frame.depth);
     messages.push(match frame.depth_format() {
-        v1::DepthFormat::F32Metres => raw(Channel::DepthRaw, "32FC1", 4, depth, time, camera),
+        v1::DepthFormat::F32Metres => raw(Channel::DepthRaw, "32FC1", 4, depth, time, sizes.depth),
         v1::DepthFormat::U16 | v1::DepthFormat::U16Zstd => {
-            raw(Channel::DepthRaw, "16UC1", 2, depth, time, camera)
+            raw(Channel::DepthRaw, "16UC1", 2, depth, time, sizes.depth)
         }
         v1::DepthFormat::Png16 | v1::DepthFormat::Unspecified => {
             compressed(Channel::Depth, "png", depth, time)
@@ -177,15 +203,15 @@ fn raw(
     pixel_bytes: u32,
     data: Bytes,
     timestamp: Option<Timestamp>,
-    camera: &v1::Intrinsics,
+    (width, height): (u32, u32),
 ) -> Recorded {
     let image = RawImage {
         timestamp,
         frame_id: CAMERA.into(),
-        width: camera.width,
-        height: camera.height,
+        width,
+        height,
         encoding: encoding.into(),
-        step: camera.width * pixel_bytes,
+        step: width * pixel_bytes,
         data,
     };
     Recorded::new(channel, &image)
@@ -244,7 +270,15 @@ mod tests {
 
     fn back(frame: &v1::Frame) -> v1::Frame {
         let mut assembler = Assembler::default();
-        let messages = of_frame(frame.clone(), &CAMERA);
+        // Depth of another size than color.
+        let depth = v1::Intrinsics { width: 2, height: 4, ..CAMERA };
+        let depth_camera = v1::DepthCamera { intrinsics: Some(depth), ..Default::default() };
+        let open = v1::OpenMap {
+            intrinsics: Some(v1::Intrinsics { width: 5, ..CAMERA }),
+            depth_camera: Some(depth_camera),
+            ..Default::default()
+        };
+        let messages = of_frame(frame.clone(), Sizes::of(&open));
         let (last, before) = messages.split_last().unwrap();
         for message in before {
             assert!(assembler.take(message.channel, &message.data).unwrap().is_none());

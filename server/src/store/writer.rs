@@ -2,7 +2,7 @@
 
 use super::disk::{Disk, DiskFile};
 use super::error::StoreError;
-use super::messages::{self, Channel, Recorded};
+use super::messages::{self, Channel, Recorded, Sizes};
 use lexsplat_proto::v1;
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
@@ -24,7 +24,7 @@ pub(super) struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<Target>,
     file: Box<dyn DiskFile>,
-    camera: v1::Intrinsics,
+    sizes: Sizes,
     opening: Vec<Recorded>,
     /// Channels that the file describes already.
     known: Vec<Channel>,
@@ -71,7 +71,7 @@ impl Writer {
             path: path.to_owned(),
             mcap,
             file,
-            camera: open.intrinsics.unwrap_or_default(),
+            sizes: Sizes::of(open),
             opening: messages::of_opening(open),
             known: Vec::new(),
             is_closed,
@@ -116,7 +116,7 @@ impl Writer {
         };
         let written = opening[..repeats]
             .iter()
-            .chain(&messages::of_frame(frame, &self.camera))
+            .chain(&messages::of_frame(frame, self.sizes))
             .try_for_each(|message| self.put(message, sequence, log_time));
         self.opening = opening;
         written.and_then(|()| self.mcap.flush()).map_err(|reason| self.failed(reason))?;

@@ -66,7 +66,12 @@ pub const CRATES: &[Declared] = &[
             &["pipeline/input_warning"],
             &["pipeline/frame"],
             &["pipeline/downsampled_frame"],
-            &["pipeline/backdrop", "pipeline/depth_gaps", "pipeline/features"],
+            &[
+                "pipeline/backdrop",
+                "pipeline/depth_gaps",
+                "pipeline/features",
+                "pipeline/registration",
+            ],
             &["pipeline/input_check", "pipeline/network"],
             &["pipeline/compressor"],
             &["pipeline/srd"],

@@ -1,10 +1,12 @@
 //! Every check of frames and opening messages: each test changes one field of a frame that passes.
 
+mod cameras;
 mod labels;
 mod mutations;
 
 use super::*;
 use crate::pipeline::frame::Frame;
+use crate::pipeline::registration::RawFrame;
 use image::{ColorType, ExtendedColorType, ImageEncoder as _};
 use lexsplat_proto::v1::{self, ColorFormat, DepthFormat};
 
@@ -83,7 +85,7 @@ fn good() -> v1::Frame {
 }
 
 fn check(wire: &v1::Frame) -> Result<Frame, Refusal> {
-    frame(wire, &opened(), Some(4), &LIMITS)
+    frame(wire, &opened(), Some(4), &LIMITS).map(|RawFrame(frame)| frame)
 }
 
 fn refused(change: impl FnOnce(&mut v1::Frame)) -> (String, String) {
@@ -352,7 +354,7 @@ fn a_saturated_depth_is_no_measurement_in_each_16_bit_format() {
         (DepthFormat::U16, u16_bytes(&units)),
         (DepthFormat::U16Zstd, zstd::encode_all(&u16_bytes(&units)[..], 1).unwrap()),
     ] {
-        let found = frame(&with_depth(format, data), &opening, None, &LIMITS).unwrap();
+        let RawFrame(found) = frame(&with_depth(format, data), &opening, None, &LIMITS).unwrap();
         // Negative control: one unit less is a depth like any other.
         let expected = [0.0, 6.5534, 0.0, 0.2];
         for (found, expected) in found.depth_metres.iter().zip(expected) {

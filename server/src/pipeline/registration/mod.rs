@@ -1,0 +1,128 @@
+//! **Registration**: frames as the cameras took them become frames of one pinhole camera.
+//!
+//! In: a [`RawFrame`], whose color may be distorted, and whose depth may come from a camera of its own. Out: a
+//! [`Frame`] without distortion, its depth registered to color with what is hidden left out. Frames that are so
+//! already pass unchanged.
+
+mod camera;
+mod depth;
+mod lens;
+mod rectification;
+
+pub use camera::{Camera, Cameras, DepthCamera};
+pub use lens::Distortion;
+
+use super::frame::{Frame, Intrinsics, Labels};
+use depth::DepthRays;
+use rectification::Rectification;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+#[cfg(test)]
+mod tests;
+
+/// A checked frame as the cameras took it: `intrinsics` is the distorted color camera, and depth has the size of
+/// [`Cameras::depth_size`].
+#[derive(Clone, Debug)]
+pub struct RawFrame(pub Frame);
+
+/// Registers the frames of a stream.
+pub struct Registration {
+    cameras: Cameras,
+    /// The pinhole camera of a frame with the usual intrinsics.
+    camera: Intrinsics,
+    /// What was computed for the newest frame's intrinsics.
+    newest: Mutex<Option<Arc<Prepared>>>,
+}
+
+/// What is computed once for a color camera.
+struct Prepared {
+    own: Intrinsics,
+    camera: Intrinsics,
+    color: Option<Rectification>,
+    depth: Option<DepthRays>,
+}
+
+impl Registration {
+    /// `None` if a lens does not see along its axis: its distortion must be wrong.
+    pub fn new(cameras: Cameras) -> Option<Self> {
+        if let Some(DepthCamera::Own { camera, .. }) = &cameras.depth {
+            rectification::pinhole(camera)?;
+        }
+        let camera = pinhole(&cameras.color)?;
+        Some(Self { cameras, camera, newest: Mutex::new(None) })
+    }
+
+    /// The cameras of the frames as they are sent.
+    pub fn cameras(&self) -> &Cameras {
+        &self.cameras
+    }
+
+    /// The pinhole camera of registered frames, unless a frame has intrinsics of its own.
+    pub fn camera(&self) -> Intrinsics {
+        self.camera
+    }
+
+    /// A frame of a pinhole camera. This takes milliseconds.
+    pub fn register(&self, raw: RawFrame) -> Frame {
+        let frame = raw.0;
+        if self.cameras.depth.is_none() && self.cameras.color.distortion.is_none() {
+            return frame;
+        }
+        let prepared = self.prepared(frame.intrinsics);
+        let Prepared { camera, color, depth, .. } = &*prepared;
+        let rgb = match color {
+            Some(color) => color.color(&frame.rgb).into(),
+            None => frame.rgb,
+        };
+        let depth_metres = match depth {
+            Some(rays) => rays.registered(&frame.depth_metres, camera).into(),
+            None => frame.depth_metres,
+        };
+        let labels = match (color, frame.labels) {
+            (Some(color), Some(Labels { ids, texts })) => {
+                Some(Labels { ids: color.labels(&ids).into(), texts })
+            }
+            (_, labels) => labels,
+        };
+        Frame { intrinsics: *camera, rgb, depth_metres, labels, ..frame }
+    }
+
+    fn prepared(&self, own: Intrinsics) -> Arc<Prepared> {
+        let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*newest {
+            Some(prepared) if prepared.own == own => prepared.clone(),
+            _ => newest.insert(Arc::new(self.prepare(own))).clone(),
+        }
+    }
+
+    fn prepare(&self, own: Intrinsics) -> Prepared {
+        let color = Camera { intrinsics: own, ..self.cameras.color };
+        // A frame whose own intrinsics fit the lens badly is seen as the usual ones say.
+        let camera = pinhole(&color).unwrap_or(self.camera);
+        let is_distorted = !color.distortion.is_none();
+        Prepared {
+            own,
+            camera,
+            color: is_distorted.then(|| Rectification::new(&color, &camera)),
+            depth: self
+                .cameras
+                .depth_camera(&own)
+                .map(|(depth, pose)| DepthRays::new(&depth, &pose)),
+        }
+    }
+}
+
+impl fmt::Debug for Registration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Registration").field(&self.cameras).finish()
+    }
+}
+
+/// The camera itself if its lens is straight.
+fn pinhole(camera: &Camera) -> Option<Intrinsics> {
+    if camera.distortion.is_none() {
+        return Some(camera.intrinsics);
+    }
+    rectification::pinhole(camera)
+}
