@@ -2,7 +2,7 @@
 
 use crate::Config;
 use crate::pipeline::engine::Engine;
-use crate::pipeline::frame::Intrinsics;
+use crate::pipeline::frame::{Frame, Intrinsics};
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Vector3};
 use rand::Rng as _;
@@ -40,6 +40,22 @@ pub fn engine() -> Arc<Engine> {
         )
     };
     ENGINE.get_or_init(start).clone()
+}
+
+/// A frame of one pixel without a pose.
+pub fn pixel_frame() -> Frame {
+    Frame {
+        sequence: 0,
+        timestamp_nanos: 0,
+        intrinsics: Intrinsics { width: 1, height: 1, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 },
+        rgb: [0; 3].into(),
+        depth_metres: [1.0].into(),
+        depth_lag_nanos: 0,
+        world_from_camera: None,
+        hint: None,
+        labels: None,
+        held_out: false,
+    }
 }
 
 /// The message that opens a map for [`CAMERA`], with given poses.

@@ -32,6 +32,7 @@ fn frame(robot: &Robot, at: usize) -> Frame {
         intrinsics: Intrinsics { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 },
         rgb: robot.views[at].rgb.clone().into(),
         depth_metres: robot.views[at].depth.clone().into(),
+        depth_lag_nanos: 0,
         world_from_camera: None,
         hint: None,
         labels: None,

@@ -15,6 +15,8 @@ use nalgebra::{Isometry3, Matrix6};
 
 /// Numbers in a pose covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
+/// Longest time between color and depth of a frame, nanoseconds.
+const LONGEST_LAG_NANOS: u64 = 500_000_000;
 /// Largest sequence number of a map's first frame.
 const LARGEST_FIRST_SEQUENCE: u64 = 1 << 62;
 
@@ -52,11 +54,30 @@ pub(crate) fn frame(
         intrinsics,
         rgb: rgb.into(),
         depth_metres: depth_metres.into(),
+        depth_lag_nanos: depth_lag(wire)?,
         world_from_camera,
         hint,
         labels,
         held_out: wire.held_out,
     }))
+}
+
+/// How much later than color depth was taken, nanoseconds.
+fn depth_lag(wire: &v1::Frame) -> Result<i64, Refusal> {
+    let (color, depth) = (wire.timestamp_nanos, wire.depth_timestamp_nanos);
+    if color == 0 || depth == 0 {
+        return Ok(0);
+    }
+    let apart = color.abs_diff(depth);
+    if apart > LONGEST_LAG_NANOS {
+        let reason = format!(
+            "expected depth within 0.5 s of color, found {:.3} s between them: do they belong together?",
+            apart as f64 / 1e9
+        );
+        return Err(Refusal::new("depth_timestamp_nanos", reason));
+    }
+    // What is within half a second fits.
+    Ok(if depth > color { apart as i64 } else { -(apart as i64) })
 }
 
 /// Checks that sequence numbers increase, and leave room for the frames to come.

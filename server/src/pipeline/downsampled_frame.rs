@@ -176,6 +176,7 @@ mod tests {
             intrinsics: Intrinsics { width, height, fx: 10.0, fy: 10.0, cx: 3.5, cy: 1.5 },
             rgb: (0..pixels).flat_map(|at| [column(at), 100, 200]).collect(),
             depth_metres: depth_metres.into(),
+            depth_lag_nanos: 0,
             world_from_camera: Some(Isometry3::identity()),
             hint: None,
             labels: None,

@@ -72,6 +72,8 @@ pub struct Frame {
     /// `[height * width]`, camera z in metres; 0 is no measurement, nothing is NaN or infinite.
     #[serde(with = "packed")]
     pub depth_metres: Arc<[f32]>,
+    /// How much later than color depth was taken, nanoseconds; negative if it was earlier.
+    pub depth_lag_nanos: i64,
     /// The given pose, rigid and finite; `None` if the server is to track.
     pub world_from_camera: Option<Isometry3<f64>>,
     /// The robot's own estimate of its pose, where the server is to track.

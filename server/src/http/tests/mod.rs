@@ -117,6 +117,7 @@ fn wall() -> Frame {
         intrinsics: CAMERA,
         rgb: (0..pixels).flat_map(rgb).collect::<Vec<u8>>().into(),
         depth_metres: vec![2.0; pixels].into(),
+        depth_lag_nanos: 0,
         world_from_camera: Some(Isometry3::identity()),
         hint: None,
         labels: None,

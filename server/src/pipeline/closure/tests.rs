@@ -46,6 +46,7 @@ fn shoot(room: u64, sequence: u64, world_from_camera: &Isometry3<f64>) -> Frame 
         intrinsics: CAMERA,
         rgb: rgb.into(),
         depth_metres: depth.into(),
+        depth_lag_nanos: 0,
         world_from_camera: None,
         hint: None,
         labels: None,

@@ -26,6 +26,7 @@ fn keyframe(gpu: &Gpu, sequence: u64, image: DownsampledFrame) -> Keyframe {
         },
         rgb,
         depth_metres,
+        depth_lag_nanos: 0,
         world_from_camera: None,
         hint: None,
         labels: None,

@@ -21,6 +21,7 @@ use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
 use super::mapper::{Clock, MapperConfig, insert, language, optimise, select};
 use super::pose_covariance::carried;
+use super::registration;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
@@ -177,6 +178,7 @@ impl MapThread {
         frame: Frame,
         reply: oneshot::Sender<FrameOutcome>,
     ) -> Result<(), GpuError> {
+        let frame = self.at_one_time(frame);
         let Examined { repeats_depth, mut warnings } =
             timed(INPUT_CHECK_SECONDS, || self.input_check.examine(&frame));
         let tracked = match self.track(&frame, repeats_depth)? {
@@ -212,6 +214,17 @@ impl MapThread {
         // An error means that the sender is gone. Its frame is in the map all the same.
         let _ = reply.send(outcome);
         self.publish_if_due()
+    }
+
+    /// A frame whose depth was taken at another time than color: its depth follows the camera's motion.
+    fn at_one_time(&self, frame: Frame) -> Frame {
+        match frame.depth_lag_nanos {
+            0 => frame,
+            lag => match self.tracker.motion_during(&frame, lag) {
+                Some(color_from_depth) => registration::at_one_time(frame, &color_from_depth),
+                None => frame,
+            },
+        }
     }
 
     /// Adds a tracked frame to the trajectory, and to the map if it is a keyframe. One whose depth is that of

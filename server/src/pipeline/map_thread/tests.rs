@@ -35,6 +35,7 @@ fn frame(sequence: u64) -> Frame {
         intrinsics: CAMERA,
         rgb: rgb.into(),
         depth_metres: depth.into(),
+        depth_lag_nanos: 0,
         world_from_camera: None,
         hint: None,
         labels: None,

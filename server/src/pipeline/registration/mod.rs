@@ -14,6 +14,7 @@ pub use lens::Distortion;
 
 use super::frame::{Frame, Intrinsics, Labels};
 use depth::DepthRays;
+use nalgebra::Isometry3;
 use rectification::Rectification;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -111,6 +112,15 @@ impl Registration {
                 .map(|(depth, pose)| DepthRays::new(&depth, &pose)),
         }
     }
+}
+
+/// A registered frame, its depth as seen from where the camera was when color was taken. `color_from_depth`: the
+/// pose of the camera at the time of depth, in the coordinates of the camera at the time of color.
+pub(super) fn at_one_time(frame: Frame, color_from_depth: &Isometry3<f64>) -> Frame {
+    let camera = Camera { intrinsics: frame.intrinsics, distortion: Distortion::None };
+    let rays = DepthRays::new(&camera, color_from_depth);
+    let depth_metres = rays.registered(&frame.depth_metres, &frame.intrinsics).into();
+    Frame { depth_metres, depth_lag_nanos: 0, ..frame }
 }
 
 impl fmt::Debug for Registration {

@@ -97,6 +97,7 @@ fn raw(cameras: &Cameras, depth_metres: Vec<f32>) -> RawFrame {
         intrinsics: cameras.color.intrinsics,
         rgb: vec![90; (width * height * 3) as usize].into(),
         depth_metres: depth_metres.into(),
+        depth_lag_nanos: 0,
         world_from_camera: None,
         hint: None,
         labels: None,
@@ -312,6 +313,25 @@ fn a_frame_s_own_intrinsics_count() {
     let own = registration.register(RawFrame(nearer)).intrinsics;
     assert!(own.fx > 1.05 * usual.fx, "{own:?} and {usual:?}");
     assert_eq!(registration.register(blank()).intrinsics, usual);
+}
+
+#[test]
+fn depth_of_another_time_follows_the_camera() {
+    let camera = color_camera(Distortion::None);
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.005, -0.03, 0.002));
+    let later = Isometry3::from_parts(Translation3::new(0.02, 0.0, 0.01), turn);
+    let cameras = Cameras { color: camera, depth: None };
+    let RawFrame(frame) = raw(&cameras, depth_of(&camera, &later));
+    let truth = depth_of(&camera, &Isometry3::identity());
+    let wrong = |frame: &Frame| {
+        let both = truth.iter().zip(&*frame.depth_metres);
+        both.filter(|(truth, found)| **found > 0.0 && (*found - *truth).abs() > 0.01 * **truth)
+            .count()
+    };
+    let moved = at_one_time(frame.clone(), &later);
+    assert!(wrong(&moved) * 10 < wrong(&frame), "{} and {}", wrong(&moved), wrong(&frame));
+    let known = moved.depth_metres.iter().filter(|depth| **depth > 0.0).count();
+    assert!(known * 20 > truth.len() * 18, "{known} of {}", truth.len());
 }
 
 #[test]

@@ -3,14 +3,11 @@
 //! In: a frame and the map. Out: its pose and exposure, or that it is lost.
 //!
 //! A given pose is taken as it is. Otherwise the frame is aligned coarse to fine, photometrically and point
-//! to plane, with the newest keyframe and the oldest ones in view. It starts from the pose that constant
-//! velocity predicts, or from the robot's own estimate. The map can also join the keyframes (`map_weight`). By
-//! default it does not: a young map is blurred and its depth is off by a few centimetres, which makes poses
-//! worse (measured).
+//! to plane, with the newest keyframe and the oldest ones in view, and with the map if `map_weight` is set. It
+//! starts from the pose that constant velocity predicts, or from the robot's own estimate.
 //!
-//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If it is
-//! not, further starts are tried: from features shared with keyframes; then from the last frame, the rendered
-//! map, the last pose, and keyframes that look alike. The best believable pose is taken.
+//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If not, other
+//! starts are tried (`search.rs`). The best believable pose is taken.
 //!
 //! A frame without such a pose is lost. It is not mapped and does not change the velocity. The tracker never
 //! changes the map. If the map is young and nothing can be tracked in it, it asks for a new beginning.
@@ -105,6 +102,11 @@ impl Tracker {
     /// State after the newest frame.
     pub fn state(&self) -> TrackingState {
         self.state
+    }
+
+    /// [`Motion::during`].
+    pub fn motion_during(&self, frame: &Frame, lag_nanos: i64) -> Option<Isometry3<f64>> {
+        self.motion.during(frame, lag_nanos)
     }
 
     /// Estimates the pose of a frame.

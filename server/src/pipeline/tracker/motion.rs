@@ -3,6 +3,7 @@
 //! In: tracked poses with their times. Out: the pose on the same screw motion after the next interval. Lost
 //! frames are not added, so they do not change the velocity.
 
+use super::super::frame::Frame;
 use super::frame_aligner::distance;
 use lexsplat_gpu::align::se3;
 use nalgebra::{Isometry3, Vector6};
@@ -13,6 +14,9 @@ use serde::{Deserialize, Serialize};
 pub(super) const SHORT_PAUSE: f64 = 3.0;
 /// Most frames that a prediction bridges at all.
 pub(super) const LONG_PAUSE: f64 = 45.0;
+
+/// Longest time between two poses that tells the velocity between them, nanoseconds.
+const LONGEST_INTERVAL: u64 = 500_000_000;
 
 /// Where the camera is expected.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +63,24 @@ impl Motion {
         Some(Expected { world_from_camera, metres, radians })
     }
 
+    /// Where the camera was, or will be, `lag_nanos` after a frame, in the coordinates of the camera of that frame:
+    /// by the motion from the last pose to the frame's own one if that is given, else by the motion before.
+    /// `None` if neither is known.
+    pub fn during(&self, frame: &Frame, lag_nanos: i64) -> Option<Isometry3<f64>> {
+        let (twist, interval) = match (frame.world_from_camera, self.last) {
+            (Some(given), Some((last, since))) => {
+                let interval = frame.timestamp_nanos.saturating_sub(since);
+                (se3::log(&(last.inverse() * given)), interval)
+            }
+            (Some(_), None) => return None,
+            (None, _) => self.velocity?,
+        };
+        // After a longer pause the velocity says nothing of the moment of the exposure.
+        (1..=LONGEST_INTERVAL)
+            .contains(&interval)
+            .then(|| se3::exp(&(twist * (lag_nanos as f64 / interval as f64))))
+    }
+
     /// Adds a tracked frame whose predecessor was tracked too.
     pub fn follow(&mut self, world_from_camera: Isometry3<f64>, nanos: u64) {
         self.velocity = self.last.map(|(last, since)| {
@@ -82,6 +104,7 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_support::pixel_frame;
 
     fn screw(times: f64) -> Isometry3<f64> {
         se3::exp(&(Vector6::new(0.03, -0.01, 0.02, 0.02, 0.05, -0.03) * times))
@@ -117,5 +140,27 @@ mod tests {
         assert!(off(&motion, 30, &screw(5.0)) < 1e-12, "a restart stands still");
         let expected = motion.expect(30, SHORT_PAUSE).expect("a pose is known");
         assert!(expected.metres.is_infinite(), "and says nothing of the velocity");
+    }
+
+    #[test]
+    fn the_moment_of_depth_is_on_the_same_screw() {
+        let frame = |nanos: u64, world_from_camera: Option<Isometry3<f64>>| Frame {
+            sequence: 1,
+            timestamp_nanos: nanos,
+            world_from_camera,
+            ..pixel_frame()
+        };
+        let off = |found: Option<Isometry3<f64>>, wanted: Isometry3<f64>| {
+            (found.expect("it is known").to_homogeneous() - wanted.to_homogeneous()).norm()
+        };
+        let mut motion = Motion::default();
+        assert!(motion.during(&frame(0, Some(screw(0.0))), 5).is_none());
+        motion.follow(screw(0.0), 0);
+        assert!(motion.during(&frame(10, None), 5).is_none());
+        // A given pose tells its own velocity, an estimated one has that of the frame before.
+        assert!(off(motion.during(&frame(10, Some(screw(1.0))), 5), screw(0.5)) < 1e-9);
+        motion.follow(screw(1.0), 10);
+        assert!(off(motion.during(&frame(20, None), -5), screw(-0.5)) < 1e-9);
+        assert!(motion.during(&frame(2 * LONGEST_INTERVAL, Some(screw(1.0))), 5).is_none());
     }
 }

@@ -87,21 +87,11 @@ impl YoungMap {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::frame::Intrinsics;
     use super::*;
+    use crate::test_support::pixel_frame;
 
     fn frame(held_out: bool) -> Frame {
-        Frame {
-            sequence: 0,
-            timestamp_nanos: 0,
-            intrinsics: Intrinsics { width: 1, height: 1, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 },
-            rgb: [0; 3].into(),
-            depth_metres: [1.0].into(),
-            world_from_camera: None,
-            hint: None,
-            labels: None,
-            held_out,
-        }
+        Frame { held_out, ..pixel_frame() }
     }
 
     /// A map with this many tracked frames, then as many lost ones as given, all with their usable shares.

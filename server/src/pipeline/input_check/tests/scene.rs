@@ -83,6 +83,7 @@ pub fn seen_from(at: usize, world_from_camera: &Isometry3<f64>) -> Frame {
         intrinsics: CAMERA,
         rgb: rgb.into(),
         depth_metres: depth_metres.into(),
+        depth_lag_nanos: 0,
         world_from_camera: Some(*world_from_camera),
         hint: None,
         labels: None,

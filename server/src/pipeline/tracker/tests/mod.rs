@@ -86,6 +86,7 @@ impl Robot {
             intrinsics: self.camera,
             rgb: rgb.into(),
             depth_metres: depth.into(),
+            depth_lag_nanos: 0,
             world_from_camera: None,
             hint: hint.map(Box::new),
             labels: None,
