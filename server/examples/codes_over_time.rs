@@ -54,6 +54,7 @@ fn frame(path: &Path) -> anyhow::Result<Frame> {
         intrinsics: Intrinsics { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 },
         depth_metres: vec![0.0; (width * height) as usize].into(),
         rgb: image.into_raw().into(),
+        depth_lag_nanos: 0,
         world_from_camera: None,
         hint: None,
         labels: None,
