@@ -78,7 +78,11 @@ impl Sensing {
                  use synthetic:SEED"
             );
         }
-        let dataset = self.applied(spec.whole(self.shake_radians(), poses)?, range)?;
+        let whole = spec.whole(self.shake_radians(), poses)?;
+        if self.sensor.is_some() && !whole.cameras().are_registered() {
+            bail!("--sensor: {spec} has real lenses already: leave it out");
+        }
+        let dataset = self.applied(whole, range)?;
         tell(&*dataset);
         Ok(dataset)
     }

@@ -22,6 +22,11 @@ pub trait Layer: Send + Sync {
         self.below().len()
     }
 
+    /// [`Dataset::intrinsics`].
+    fn intrinsics(&self) -> Intrinsics {
+        self.below().intrinsics()
+    }
+
     /// [`Dataset::cameras`].
     fn cameras(&self) -> Cameras {
         self.below().cameras()
@@ -79,7 +84,7 @@ impl<T: Layer> Dataset for T {
     }
 
     fn intrinsics(&self) -> Intrinsics {
-        self.below().intrinsics()
+        Layer::intrinsics(self)
     }
 
     fn cameras(&self) -> Cameras {

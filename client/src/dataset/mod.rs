@@ -5,6 +5,7 @@
 //! z forward). [`Truth`] is ground truth about the objects; mapping does not need it. Nothing here
 //! talks to a server.
 
+mod against;
 mod error;
 mod files;
 mod folder;
@@ -32,6 +33,7 @@ mod tum;
 #[cfg(test)]
 mod tests;
 
+pub use against::Against;
 pub use error::DatasetError;
 pub use folder::Folder;
 pub use frame::{

@@ -112,7 +112,7 @@ pub const CRATES: &[Declared] = &[
             &["dataset/truth"],
             &["dataset/source"],
             &["dataset/layer"],
-            &["dataset/part"],
+            &["dataset/against", "dataset/part"],
             &["dataset/inspect", "dataset/posed"],
             &["dataset/files", "dataset/numbered", "dataset/kinect"],
             &["dataset/pose"],

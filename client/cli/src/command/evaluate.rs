@@ -9,7 +9,7 @@ use crate::files::make_folder;
 use crate::sensing::Sensing;
 use crate::server::{self, Plan};
 use anyhow::{Result, bail};
-use lexsplat_client::dataset::{Dataset, FrameRange};
+use lexsplat_client::dataset::{Against, Dataset, FrameRange};
 use lexsplat_evaluate::table::{Column, table};
 use lexsplat_evaluate::{Evaluation, Lpips, Options, Report, Target, rows};
 use std::num::NonZeroUsize;
@@ -30,6 +30,10 @@ pub struct Evaluate {
     /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
+    /// Score views and answers against the frames of this data set that have the same numbers: the same walk
+    /// seen by an ideal camera
+    #[arg(long, value_name = "KIND:PATH", conflicts_with = "sensor")]
+    against: Option<DatasetSpec>,
     #[command(flatten)]
     sensing: Sensing,
     /// Where the map's poses come from
@@ -87,15 +91,28 @@ pub struct Evaluate {
 pub async fn run(arguments: &Evaluate) -> Result<()> {
     let (stride, passes) = (arguments.stride, arguments.passes);
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
-    let dataset: Arc<dyn Dataset> = Arc::from(arguments.sensing.open(
-        &arguments.dataset,
-        FrameRange { start: 0, end, stride, passes },
-        arguments.poses.into(),
-    )?);
+    let range = FrameRange { start: 0, end, stride, passes };
+    let dataset = arguments.sensing.open(&arguments.dataset, range, arguments.poses.into())?;
+    let dataset: Arc<dyn Dataset> = match &arguments.against {
+        Some(clean) => Arc::new(Against::new(dataset, clean.whole(0.0, Poses::Given.into())?)?),
+        None => Arc::from(dataset),
+    };
+    if !dataset.cameras().are_registered() && arguments.against.is_none() {
+        bail!(
+            "{}: its lenses are not straight, or depth has a camera of its own, so its pictures are not what \
+             the map shows: name the same walk seen by an ideal camera with --against, or use `lexsplat stream`",
+            arguments.dataset
+        );
+    }
     for (asked, option) in [
         (arguments.language, "--language"),
         (arguments.encoder == Encoder::Oracle, "--encoder oracle"),
     ] {
+        if option != "--language" && asked && arguments.against.is_some() {
+            bail!(
+                "{option}: the masks of --against are not of the frames that are sent: leave it out"
+            );
+        }
         if asked && dataset.truth().is_none() {
             bail!("{option}: {} has no masks: leave it out", arguments.dataset);
         }

@@ -1,5 +1,6 @@
 //! Each layout on a tiny folder, and each with a broken twin.
 
+mod against;
 mod formats;
 mod mutations;
 mod wild;

@@ -72,7 +72,7 @@ impl Layer for Blacked {
         }
         // The clean frame is cheaper, and all of it but its pictures is the same.
         let mut frame = self.dataset.clean_frame(index)?;
-        let Intrinsics { width, height, .. } = self.intrinsics();
+        let Intrinsics { width, height, .. } = self.below().intrinsics();
         let pixels = width as usize * height as usize;
         let failed = |source| DatasetError::Encode { sequence: frame.sequence, source };
         frame.color.bytes = rgb_jpeg(width, height, &vec![0; 3 * pixels]).map_err(failed)?;

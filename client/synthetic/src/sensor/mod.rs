@@ -101,7 +101,7 @@ impl Layer for Sensed {
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
         let frame = self.dataset.frame(index)?;
-        let (camera, unit) = (self.intrinsics(), self.depth_unit_metres());
+        let (camera, unit) = (self.below().intrinsics(), self.depth_unit_metres());
         let clean = Clean::of(&frame, camera, unit)?;
         let flow = Flow::of(&clean, &self.motion(index)?);
         let noise = Noise { seed: self.seed, frame: index as u64 };
