@@ -5,6 +5,7 @@
 //! z forward). [`Truth`] is ground truth about the objects; mapping does not need it. Nothing here
 //! talks to a server.
 
+mod described;
 mod error;
 mod files;
 mod folder;
@@ -19,6 +20,7 @@ mod numbered;
 mod part;
 mod pose;
 mod posed;
+mod prepare;
 mod range;
 mod recording;
 mod replica;
@@ -38,7 +40,7 @@ pub use frame::{
     Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, FrameExtras,
     Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
-pub use inspect::{DepthSeen, Inspection, inspect};
+pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect};
 pub use layer::Layer;
 pub use nerfstudio::Nerfstudio;
 pub use posed::with_poses;

@@ -110,7 +110,8 @@ pub const CRATES: &[Declared] = &[
             &["dataset/part"],
             &["dataset/inspect", "dataset/posed"],
             &["dataset/files", "dataset/numbered", "dataset/kinect"],
-            &["dataset/pose"],
+            &["dataset/pose", "dataset/prepare"],
+            &["dataset/described"],
             &["dataset/recording"],
             &["dataset/timed"],
             &[

@@ -1,7 +1,7 @@
 //! Data sets of which one file was damaged at random: they are read or refused, and nothing panics.
 
 use super::formats::{nerfstudio, with_table};
-use super::{open, replica, seven_scenes, tum};
+use super::{cameras, open, replica, seven_scenes, tum};
 use crate::dataset::{Dataset, inspect};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -91,4 +91,5 @@ fn damaged_data_sets_are_read_or_refused() {
     damage("tum", &folder);
     damage("nerfstudio", nerfstudio(|_| ()).path());
     damage("folder", with_table("[poses]\nfiles = \"pose/*.txt\"").path());
+    damage("folder", cameras::phone().path());
 }
