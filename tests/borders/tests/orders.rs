@@ -122,6 +122,7 @@ pub const CRATES: &[Declared] = &[
                 "dataset/tum",
             ],
             &["dataset/mod"],
+            &["messages"],
             &["http", "stream"],
             &["lib"],
         ],

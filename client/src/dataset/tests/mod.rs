@@ -1,7 +1,7 @@
 //! Each layout on a tiny folder, and each with a broken twin.
 
 mod formats;
-mod mutations;
+pub(crate) mod mutations;
 mod wild;
 
 use crate::dataset::{
