@@ -32,7 +32,7 @@ mod truth;
 mod tum;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use error::DatasetError;
 pub use folder::Folder;
