@@ -1,5 +1,5 @@
-//! Arrays in the server's answers: NumPy's `.npy`, float32, little-endian, C order. The `npyz`
-//! crate reads them; arrays of other kinds are refused.
+//! NumPy's `.npy`, little-endian, C order: float32 in the server's answers, and depth as programs in
+//! Python store it. The `npyz` crate reads them; arrays of other kinds are refused.
 
 use npyz::{NpyFile, NpyHeader, Order};
 
@@ -29,8 +29,10 @@ pub enum NpyError {
         found: String,
     },
     /// The data does not fit the shape.
-    #[error("npy data: expected float32 of shape {shape:?}, found {bytes} bytes")]
+    #[error("npy data: expected {kind} of shape {shape:?}, found {bytes} bytes")]
     Size {
+        /// Kind of the values.
+        kind: &'static str,
         /// Shape in the header.
         shape: Vec<u64>,
         /// Bytes after the header.
@@ -39,31 +41,64 @@ pub enum NpyError {
 }
 
 const FLOAT32: &str = "'<f4'";
+const FLOAT64: &str = "'<f8'";
+const UINT16: &str = "'<u2'";
 
-/// Reads an array.
+/// Reads an array of float32.
 ///
 /// # Errors
 /// [`NpyError`] if the bytes are not such an array.
 pub fn read(file: &[u8]) -> Result<Array, NpyError> {
+    let found = header(file)?.dtype().descr();
+    match found == FLOAT32 {
+        true => array::<f32>(file, "float32", |value| value),
+        false => Err(NpyError::Kind { field: "descr", expected: FLOAT32, found }),
+    }
+}
+
+/// Reads an array of float32, float64 or uint16.
+///
+/// # Errors
+/// [`NpyError`] if the bytes are not such an array.
+pub(crate) fn read_numbers(file: &[u8]) -> Result<Array, NpyError> {
+    let found = header(file)?.dtype().descr();
+    match &*found {
+        FLOAT32 => array::<f32>(file, "float32", |value| value),
+        FLOAT64 => array::<f64>(file, "float64", |value| value as f32),
+        UINT16 => array::<u16>(file, "uint16", f32::from),
+        _ => {
+            let expected = "'<f4', '<f8' or '<u2'";
+            Err(NpyError::Kind { field: "descr", expected, found })
+        }
+    }
+}
+
+fn header(mut file: &[u8]) -> Result<NpyHeader, NpyError> {
+    NpyHeader::from_reader(&mut file).map_err(NpyError::Header)
+}
+
+/// The values of a file, whose type is `T`.
+fn array<T: npyz::Deserialize>(
+    file: &[u8],
+    kind: &'static str,
+    convert: fn(T) -> f32,
+) -> Result<Array, NpyError> {
     let mut data = file;
     let header = NpyHeader::from_reader(&mut data).map_err(NpyError::Header)?;
-    let descr = header.dtype().descr();
-    if descr != FLOAT32 {
-        return Err(NpyError::Kind { field: "descr", expected: FLOAT32, found: descr });
-    }
     if header.order() != Order::C {
         let (field, expected) = ("fortran_order", "False");
         return Err(NpyError::Kind { field, expected, found: "True".into() });
     }
-    let wrong_size = || NpyError::Size { shape: header.shape().to_vec(), bytes: data.len() };
-    let sides = header.shape().iter().map(|side| usize::try_from(*side).ok());
-    let shape: Vec<usize> = sides.collect::<Option<_>>().ok_or_else(wrong_size)?;
-    let bytes = shape.iter().try_fold(size_of::<f32>(), |product, side| product.checked_mul(*side));
+    let shape = header.shape().to_vec();
+    let wrong_size = || NpyError::Size { kind, shape: shape.clone(), bytes: data.len() };
+    let sides = shape.iter().map(|side| usize::try_from(*side).ok());
+    let sides: Vec<usize> = sides.collect::<Option<_>>().ok_or_else(wrong_size)?;
+    let bytes = sides.iter().try_fold(size_of::<T>(), |product, side| product.checked_mul(*side));
     if bytes != Some(data.len()) {
         return Err(wrong_size());
     }
     let values = NpyFile::with_header(header, data).into_vec().map_err(NpyError::Header)?;
-    Ok(Array { shape, values })
+    Ok(Array { shape: sides, values: values.into_iter().map(convert).collect() })
 }
 
 #[cfg(test)]
@@ -82,6 +117,22 @@ mod tests {
         let data = [0.5_f32.to_le_bytes(), (-2.0_f32).to_le_bytes()].concat();
         let array = read(&file(HEADER, &data)).unwrap();
         assert_eq!(array, Array { shape: vec![2, 1], values: vec![0.5, -2.0] });
+    }
+
+    #[test]
+    fn depth_of_other_kinds_is_read() {
+        let doubles = [0.25_f64.to_le_bytes(), f64::INFINITY.to_le_bytes()].concat();
+        let array = read_numbers(&file(&HEADER.replace("<f4", "<f8"), &doubles)).unwrap();
+        assert_eq!(array.values, [0.25, f32::INFINITY]);
+        let units = [7_u16.to_le_bytes(), 65535_u16.to_le_bytes()].concat();
+        let array = read_numbers(&file(&HEADER.replace("<f4", "<u2"), &units)).unwrap();
+        assert_eq!((array.values, array.shape), (vec![7.0, 65535.0], vec![2, 1]));
+        let error = read_numbers(&file(&HEADER.replace("<f4", "<i8"), &[0; 16])).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "npy descr: expected '<f4', '<f8' or '<u2', found '<i8'",
+            "control"
+        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Reading the files of data sets, with errors that name them; shared by all layouts.
 
 use super::error::DatasetError;
-use super::frame::{Color, ColorFormat, Depth, DepthFormat};
+use super::frame::{Color, ColorFormat};
 use super::text;
 use std::fmt;
 use std::path::Path;
@@ -65,11 +65,6 @@ pub(super) fn color(path: &Path) -> Result<Color, DatasetError> {
         _ => return Err(DatasetError::content(path, "expected a JPEG or PNG picture")),
     };
     Ok(Color { format, bytes })
-}
-
-/// A depth image, as it is in the file.
-pub(super) fn depth(path: &Path) -> Result<Depth, DatasetError> {
-    Ok(Depth { format: DepthFormat::Png16, bytes: bytes(path)? })
 }
 
 /// A decoded PNG.

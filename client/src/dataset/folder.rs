@@ -6,13 +6,16 @@
 //! [color]
 //! files = "color/*.jpg"        # one * in the last part
 //! [depth]
-//! files = "depth/*.png"        # 16-bit grey PNG of color's size
+//! files = "depth/*.png"        # 16-bit grey PNG, or .npy
 //! unit_metres = 0.001
 //! [camera]                     # pixels; the centre of the top-left pixel is (0, 0)
 //! fx = 525.0
 //! fy = 525.0
 //! cx = 319.5
 //! cy = 239.5
+//! distortion = { model = "brown_conrady", coefficients = [0.1, -0.2, 0, 0, 0] }    # optional
+//! [depth.camera]               # where depth is not registered to color: fx, fy, cx, cy, distortion and
+//! same_lens = true             # color_from_depth; or this: color's lens at another size
 //! [poses]                      # optional
 //! files = "pose/*.txt"         # 4x4 or 3x4 each; or `file`, a line for each color picture in order;
 //! axes = "opencv"              # or `tum`, lines of "seconds tx ty tz qx qy qz qw"
@@ -22,15 +25,16 @@
 //! Axes of the camera are `opencv` (x right, y down, z forward) or `opengl` (x right, y up, z back). Numbered
 //! color and depth are paired by number, and timed ones within 0.02 s.
 
+use super::described::{DepthPictures, Description, Names, Poses};
 use super::error::DatasetError;
-use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
+use super::frame::{FrameExtras, RgbdFrame, counted_nanos};
 use super::layer::Layer;
+use super::prepare::{self, FINE_UNIT_METRES, Preparation};
 use super::recording::{self, Entry, MaybePose, Recording};
 use super::source::Dataset;
 use super::timed::{self, Timed, TimedPoses};
 use super::{files, name, pose, text};
 use nalgebra::Isometry3;
-use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// The file that describes a folder.
@@ -40,62 +44,6 @@ const DESCRIPTION: &str = "recording.toml";
 #[derive(Debug)]
 pub struct Folder {
     recording: Recording,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Description {
-    #[serde(default)]
-    names: Names,
-    frames_per_second: Option<f64>,
-    color: Pictures,
-    depth: DepthPictures,
-    camera: Camera,
-    poses: Option<Poses>,
-}
-
-/// What `*` stands for.
-#[derive(Clone, Copy, Default, Deserialize, PartialEq)]
-#[serde(rename_all = "lowercase")]
-enum Names {
-    #[default]
-    Numbers,
-    Seconds,
-    Nanoseconds,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Pictures {
-    files: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DepthPictures {
-    files: String,
-    unit_metres: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Camera {
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Poses {
-    files: Option<String>,
-    file: Option<PathBuf>,
-    tum: Option<PathBuf>,
-    #[serde(default)]
-    axes: pose::Axes,
-    #[serde(default)]
-    inverse: bool,
 }
 
 impl Folder {
@@ -108,83 +56,133 @@ impl Folder {
         let wrong = |reason: String| DatasetError::content(&path, reason);
         let described: Description = toml::from_str(&files::text(&path)?)
             .map_err(|error| wrong(error.to_string().replace('\n', " ").trim().to_owned()))?;
-        let unit = described.depth.unit_metres;
-        if !(unit.is_finite() && unit > 0.0) {
-            return Err(wrong(format!("depth.unit_metres: expected more than 0, found {unit}")));
+        let (preparation, depth_unit_metres) = prepared(&described).map_err(wrong)?;
+        let found = Found::new(folder, &described, &path)?;
+        if found.frames.is_empty() {
+            let expected = "expected color and depth that belong together, found none";
+            return Err(DatasetError::no_frames(&path, expected, &found.skipped));
         }
-        let colors = described.names.list(folder, &described.color.files, &path)?;
-        let depths = described.names.list(folder, &described.depth.files, &path)?;
-        let poses = Placed::new(folder, described.poses.as_ref(), &path)?;
-        let pairs = match described.names {
+        let [color, depth] = recording::sizes(&found.frames, &preparation)?;
+        let mut cameras = described.cameras(color, depth).map_err(wrong)?;
+        for value in &mut cameras.no_depth {
+            *value = prepare::unit(f64::from(*value) * preparation.scale);
+        }
+        let recording = Recording {
+            name: name::of(folder),
+            cameras,
+            depth_unit_metres,
+            preparation,
+            frames: found.frames,
+            skipped: found.skipped,
+            notes: Vec::new(),
+        };
+        Ok(Self { recording })
+    }
+}
+
+/// What is done to the pictures, and metres per unit in which depth is sent.
+fn prepared(described: &Description) -> Result<(Preparation, f64), String> {
+    let DepthPictures { unit_metres: unit, confidence, least_confidence, .. } = &described.depth;
+    if !(unit.is_finite() && *unit > 0.0) {
+        return Err(format!("depth.unit_metres: expected more than 0, found {unit}"));
+    }
+    if confidence.is_some() != least_confidence.is_some() {
+        return Err("depth: expected both of confidence and least_confidence".into());
+    }
+    let is_array = prepare::is_array(described.depth.files.as_ref());
+    let sent = if is_array { FINE_UNIT_METRES } else { *unit };
+    let preparation = Preparation {
+        color_turn: described.color.turned,
+        depth_turn: described.depth.turned,
+        scale: unit / sent,
+        least_confidence: least_confidence.unwrap_or_default(),
+    };
+    Ok((preparation, sent))
+}
+
+/// The frames whose files are there.
+struct Found {
+    frames: Vec<Entry>,
+    skipped: Vec<String>,
+}
+
+impl Found {
+    fn new(folder: &Path, described: &Description, path: &Path) -> Result<Self, DatasetError> {
+        let names = described.names;
+        let colors = list(names, folder, &described.color.files, path)?;
+        let depths = list(names, folder, &described.depth.files, path)?;
+        let poses = Placed::new(folder, described.poses.as_ref(), path)?;
+        let pairs = match names {
             Names::Numbers => same(&colors, &depths),
             Names::Seconds | Names::Nanoseconds => timed::pair(&colors, &depths),
         };
         let entry = |&(at, depth): &(usize, usize)| {
             let Timed { nanos: number, value: color } = &colors[at];
-            let (sequence, nanos) = match described.names {
-                Names::Numbers => (*number, described.time(*number)),
-                Names::Seconds | Names::Nanoseconds => (at as u64, *number),
+            let Timed { nanos: depth_number, value: depth } = &depths[depth];
+            let (sequence, nanos, depth_nanos) = match names {
+                Names::Numbers => (*number, time(described, *number), None),
+                Names::Seconds | Names::Nanoseconds => {
+                    let apart = depth_number != number;
+                    (at as u64, *number, apart.then_some(*depth_number))
+                }
             };
             let world_from_camera = poses.of(at, nanos, color, &described.color.files);
-            let (color, depth) = (color.clone(), depths[depth].value.clone());
-            Entry { sequence, nanos, color, depth, world_from_camera }
+            let confidence = described.depth.confidence.as_ref();
+            Entry {
+                confidence: confidence
+                    .map(|other| folder.join(beside(depth, &described.depth.files, other))),
+                extras: FrameExtras { depth_timestamp_nanos: depth_nanos, ..Default::default() },
+                ..Entry::new(sequence, nanos, [color.clone(), depth.clone()], world_from_camera)
+            }
         };
-        let frames: Vec<Entry> = pairs.iter().map(entry).collect();
+        let frames = pairs.iter().map(entry).collect();
         let unpaired = (0..colors.len()).filter(|at| pairs.iter().all(|(paired, _)| paired != at));
         let reason = "expected depth with the same number or time, found none";
-        let skipped: Vec<String> = unpaired
-            .map(|at| DatasetError::content(&colors[at].value, reason).to_string())
-            .collect();
-        if frames.is_empty() {
-            let expected = "expected color and depth that belong together, found none";
-            return Err(DatasetError::no_frames(&path, expected, &skipped));
-        }
-        let files::Size { width, height } = recording::size(&frames)?;
-        let Camera { fx, fy, cx, cy } = described.camera;
-        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
-        let (name, depth_unit_metres, notes) = (name::of(folder), unit, Vec::new());
-        let cameras = intrinsics.into();
-        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
-        Ok(Self { recording })
+        let told = |at: usize| DatasetError::content(&colors[at].value, reason).to_string();
+        Ok(Self { frames, skipped: unpaired.map(told).collect() })
     }
 }
 
-impl Description {
-    fn time(&self, number: u64) -> u64 {
-        match self.frames_per_second {
-            Some(rate) if rate > 0.0 => (number as f64 * 1e9 / rate) as u64,
-            _ => counted_nanos(number),
-        }
+/// The time of a numbered frame, nanoseconds.
+fn time(described: &Description, number: u64) -> u64 {
+    match described.frames_per_second {
+        Some(rate) if rate > 0.0 => (number as f64 * 1e9 / rate) as u64,
+        _ => counted_nanos(number),
     }
 }
 
-impl Names {
-    /// Files of a pattern such as `color/*.jpg`, by number or time.
-    fn list(
-        self,
-        folder: &Path,
-        pattern: &str,
-        path: &Path,
-    ) -> Result<Vec<Timed<PathBuf>>, DatasetError> {
-        let (inside, before, after) = split(pattern).ok_or_else(|| {
-            DatasetError::content(path, format!("expected one * in the name {pattern:?}"))
-        })?;
-        let inside = folder.join(inside);
-        let failed = |source| DatasetError::File { path: inside.clone(), source };
-        let mut list = Vec::new();
-        for entry in std::fs::read_dir(&inside).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let Some(star) = star(&name, before, after) else { continue };
-            let number = match self {
-                Self::Numbers | Self::Nanoseconds => star.parse().ok(),
-                Self::Seconds => text::nanos(star).ok(),
-            };
-            list.extend(number.map(|nanos| Timed { nanos, value: entry.path() }));
-        }
-        list.sort_by(|a, b| (a.nanos, &a.value).cmp(&(b.nanos, &b.value)));
-        Ok(list)
+/// The name in the pattern `other` of the file that belongs to one of `pattern`.
+fn beside(path: &Path, pattern: &str, other: &str) -> String {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let star = split(pattern).and_then(|(_, before, after)| star(&name, before, after));
+    other.replacen('*', star.unwrap_or_default(), 1)
+}
+
+/// Files of a pattern such as `color/*.jpg`, by number or time.
+fn list(
+    names: Names,
+    folder: &Path,
+    pattern: &str,
+    path: &Path,
+) -> Result<Vec<Timed<PathBuf>>, DatasetError> {
+    let (inside, before, after) = split(pattern).ok_or_else(|| {
+        DatasetError::content(path, format!("expected one * in the name {pattern:?}"))
+    })?;
+    let inside = folder.join(inside);
+    let failed = |source| DatasetError::File { path: inside.clone(), source };
+    let mut list = Vec::new();
+    for entry in std::fs::read_dir(&inside).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let Some(star) = star(&name, before, after) else { continue };
+        let number = match names {
+            Names::Numbers | Names::Nanoseconds => star.parse().ok(),
+            Names::Seconds => text::nanos(star).ok(),
+        };
+        list.extend(number.map(|nanos| Timed { nanos, value: entry.path() }));
     }
+    list.sort_by(|a, b| (a.nanos, &a.value).cmp(&(b.nanos, &b.value)));
+    Ok(list)
 }
 
 /// Folder of a pattern, and what stands before and after its `*`.
@@ -273,10 +271,7 @@ impl Placed {
 
     /// The pose in the file where `*` is what it is in the picture's name.
     fn of_file(&self, color: &Path, pattern: &str, poses: &str) -> MaybePose {
-        let name =
-            color.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let star = split(pattern).and_then(|(_, before, after)| star(&name, before, after));
-        let path = self.folder.join(poses.replacen('*', star.unwrap_or_default(), 1));
+        let path = self.folder.join(beside(color, pattern, poses));
         let text = files::text(&path).map_err(|error| error.whole())?;
         pose::from_rows(&text).map_err(|reason| DatasetError::content(&path, reason).to_string())
     }

@@ -49,6 +49,50 @@ pub enum Distortion {
     KannalaBrandt([f64; 4]),
 }
 
+impl Distortion {
+    /// A distortion as ROS, OpenCV, COLMAP or RealSense name it: `plumb_bob`, `rational_polynomial`,
+    /// `brown_conrady`, `OPENCV`; `equidistant`, `kannala_brandt`, `fisheye`, `OPENCV_FISHEYE`; `none` or
+    /// nothing. Coefficients of 0 behind the last that a model has are left out.
+    ///
+    /// # Errors
+    /// What was expected, if the model is not known or has another number of coefficients.
+    pub fn named(model: &str, coefficients: &[f64]) -> Result<Self, String> {
+        if let Some(wrong) = coefficients.iter().find(|coefficient| !coefficient.is_finite()) {
+            return Err(format!("expected finite coefficients, found {wrong}"));
+        }
+        let used = coefficients.iter().rposition(|coefficient| *coefficient != 0.0);
+        let used = used.map_or(0, |last| last + 1);
+        let plain = model.to_ascii_lowercase().replace(['-', ' '], "_");
+        match &*plain {
+            "equidistant" | "kannala_brandt" | "kannala_brandt4" | "fisheye" | "opencv_fisheye" => {
+                let four = coefficients.get(..4).filter(|_| used <= 4);
+                let four = four.and_then(|four| four.try_into().ok());
+                four.map(Self::KannalaBrandt).ok_or_else(|| {
+                    format!("{model}: expected 4 coefficients, found {}", coefficients.len())
+                })
+            }
+            "plumb_bob" | "rational_polynomial" | "brown_conrady" | "opencv" | "full_opencv" => {
+                let counts = [4, 5, 8];
+                let count = counts.into_iter().find(|count| *count >= used);
+                let listed = count.filter(|_| matches!(coefficients.len(), 0 | 4 | 5 | 8..));
+                match listed {
+                    _ if used == 0 => Ok(Self::None),
+                    Some(count) => Ok(Self::BrownConrady(coefficients[..count].to_vec())),
+                    None => Err(format!(
+                        "{model}: expected 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), found {}",
+                        coefficients.len()
+                    )),
+                }
+            }
+            _ if used == 0 => Ok(Self::None),
+            _ => Err(format!(
+                "expected distortion model brown_conrady (plumb_bob, rational_polynomial) or kannala_brandt \
+                 (equidistant), found {model:?}: undistort the pictures first"
+            )),
+        }
+    }
+}
+
 /// A camera with its lens.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {

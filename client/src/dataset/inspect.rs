@@ -1,6 +1,9 @@
 //! What a data set holds, and what is wrong with it.
 
-use super::frame::{Depth, DepthFormat, Intrinsics, RgbdFrame};
+use super::frame::{
+    Camera, Cameras, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, Intrinsics,
+    RgbdFrame,
+};
 use super::source::Dataset;
 use serde::Serialize;
 use std::io::Cursor;
@@ -27,10 +30,20 @@ pub struct Inspection {
     pub with_pose: usize,
     /// Why the first frame without a pose has none.
     pub no_pose: Option<String>,
-    /// Columns and rows of the pictures, pixels.
+    /// Columns and rows of color, pixels.
     pub size: [u32; 2],
-    /// fx, fy, cx, cy, pixels.
+    /// fx, fy, cx, cy of color, pixels.
     pub camera: [f64; 4],
+    /// Distortion of color; absent: none.
+    pub distortion: Option<DistortionSeen>,
+    /// Frames whose color camera is another one than the usual (autofocus).
+    pub own_cameras: usize,
+    /// The camera of depth; absent: depth is registered to color.
+    pub depth_camera: Option<DepthCameraSeen>,
+    /// Nearest and farthest depth that counts, metres; 0 and absent: the server's limits.
+    pub depth_range_metres: Option<[f64; 2]>,
+    /// Values of depth that are no measurement, beside 0.
+    pub no_depth: Vec<u16>,
     /// Metres per unit of depth.
     pub depth_unit_metres: f64,
     /// Depth of a few frames; absent if none has any.
@@ -47,6 +60,65 @@ pub struct Inspection {
     pub left_out: Vec<String>,
     /// What is wrong; at most five of a kind one by one.
     pub problems: Vec<String>,
+}
+
+/// How a lens departs from a pinhole.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DistortionSeen {
+    /// `brown_conrady` or `kannala_brandt`.
+    pub model: &'static str,
+    /// Coefficients in OpenCV's order.
+    pub coefficients: Vec<f64>,
+}
+
+impl DistortionSeen {
+    fn of(distortion: &Distortion) -> Option<Self> {
+        let (model, coefficients) = match distortion {
+            Distortion::None => return None,
+            Distortion::BrownConrady(all) => ("brown_conrady", all.clone()),
+            Distortion::KannalaBrandt(all) => ("kannala_brandt", all.to_vec()),
+        };
+        Some(Self { model, coefficients })
+    }
+}
+
+/// The camera of depth, where it is not color's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DepthCameraSeen {
+    /// Columns and rows of depth, pixels.
+    pub size: [u32; 2],
+    /// fx, fy, cx, cy of depth, pixels; absent: color's lens.
+    pub camera: Option<[f64; 4]>,
+    /// Distortion of depth; absent: none, or color's.
+    pub distortion: Option<DistortionSeen>,
+    /// Place of the depth camera in the color camera's coordinates (x right, y down, z forward), metres.
+    pub place_metres: [f64; 3],
+    /// By how much the depth camera is turned against color, degrees.
+    pub turned_degrees: f64,
+}
+
+impl DepthCameraSeen {
+    fn of(camera: &DepthCamera) -> Self {
+        match camera {
+            DepthCamera::SameLens { width, height } => Self {
+                size: [*width, *height],
+                camera: None,
+                distortion: None,
+                place_metres: [0.0; 3],
+                turned_degrees: 0.0,
+            },
+            DepthCamera::Own { camera: Camera { intrinsics, distortion }, color_from_depth } => {
+                let Intrinsics { width, height, fx, fy, cx, cy } = *intrinsics;
+                Self {
+                    size: [width, height],
+                    camera: Some([fx, fy, cx, cy]),
+                    distortion: DistortionSeen::of(distortion),
+                    place_metres: color_from_depth.translation.vector.into(),
+                    turned_degrees: color_from_depth.rotation.angle().to_degrees(),
+                }
+            }
+        }
+    }
 }
 
 /// Depth of a few frames.
@@ -95,6 +167,8 @@ impl Kind {
 /// What was seen so far.
 struct Look<'a> {
     dataset: &'a dyn Dataset,
+    cameras: Cameras,
+    own_cameras: usize,
     readable: usize,
     with_pose: usize,
     no_pose: Option<String>,
@@ -113,6 +187,8 @@ impl<'a> Look<'a> {
     fn new(dataset: &'a dyn Dataset) -> Self {
         Self {
             dataset,
+            cameras: dataset.cameras(),
+            own_cameras: 0,
             readable: 0,
             with_pose: 0,
             no_pose: None,
@@ -139,6 +215,7 @@ impl<'a> Look<'a> {
             return self.unreadable.add(format!("frame {sequence}: {reason}"));
         }
         self.readable += 1;
+        self.own_cameras += usize::from(frame.extras.intrinsics.is_some());
         match frame.world_from_camera {
             Some(_) => self.with_pose += 1,
             None => {
@@ -150,28 +227,56 @@ impl<'a> Look<'a> {
     }
 
     fn check_pictures(&mut self, index: usize, frame: &RgbdFrame) -> Result<(), String> {
-        let Intrinsics { width, height, .. } = self.dataset.intrinsics();
-        let encoded = [("color", &frame.color.bytes), ("depth", &frame.depth.bytes)];
-        let is_png = frame.depth.format == DepthFormat::Png16;
-        for (what, bytes) in encoded.into_iter().take(if is_png { 2 } else { 1 }) {
-            let (columns, rows) = dimensions(bytes).map_err(|error| format!("{what}: {error}"))?;
-            if (columns, rows) != (width, height) {
-                let expected = format!("expected {width}x{height} pixels, found {columns}x{rows}");
-                return Err(format!("{what}: {expected}"));
-            }
+        let Intrinsics { width, height, .. } = self.cameras.color.intrinsics;
+        let (color, depth) = (&frame.color, &frame.depth);
+        match color.format {
+            ColorFormat::Rgb8 => check_length(&color.bytes, (width, height), 3),
+            _ => check_size(&color.bytes, (width, height)),
         }
+        .map_err(|reason| format!("color: {reason}"))?;
+        let size = self.cameras.depth_size();
+        match depth.format {
+            DepthFormat::U16 => check_length(&depth.bytes, size, 2),
+            DepthFormat::F32Metres => check_length(&depth.bytes, size, 4),
+            DepthFormat::U16Zstd => Ok(()),
+            DepthFormat::Png16 | DepthFormat::Unspecified => check_size(&depth.bytes, size),
+        }
+        .map_err(|reason| format!("depth: {reason}"))?;
         let is_sample = index.is_multiple_of(self.dataset.len().div_ceil(SAMPLES));
-        if is_sample && is_png { self.sample(&frame.depth) } else { Ok(()) }
+        if is_sample { self.sample(depth) } else { Ok(()) }
     }
 
     /// Adds the depths of a frame.
     fn sample(&mut self, depth: &Depth) -> Result<(), String> {
-        let decoded = image::load_from_memory(&depth.bytes).map_err(|e| format!("depth: {e}"))?;
-        let image::DynamicImage::ImageLuma16(units) = decoded else {
-            return Err(format!("depth: expected 16-bit grey, found {:?}", decoded.color()));
+        let (unit, bytes) = (self.dataset.depth_unit_metres(), &depth.bytes);
+        let short = |pair: &[u8]| u16::from_le_bytes([pair[0], pair[1]]);
+        let units: Vec<u16> = match depth.format {
+            DepthFormat::U16Zstd => return Ok(()),
+            DepthFormat::U16 => bytes.chunks_exact(2).map(short).collect(),
+            DepthFormat::F32Metres => {
+                let float = |four: &[u8]| f32::from_le_bytes([four[0], four[1], four[2], four[3]]);
+                let metres = bytes.chunks_exact(4).map(|four| f64::from(float(four)));
+                self.metres_sampled.extend(metres.filter(|metres| *metres > 0.0));
+                self.pixels_sampled += bytes.len() / 4;
+                return Ok(());
+            }
+            DepthFormat::Png16 | DepthFormat::Unspecified => {
+                let decoded = image::load_from_memory(bytes).map_err(|e| format!("depth: {e}"))?;
+                let image::DynamicImage::ImageLuma16(units) = decoded else {
+                    return Err(format!(
+                        "depth: expected 16-bit grey, found {:?}",
+                        decoded.color()
+                    ));
+                };
+                units.into_raw()
+            }
         };
-        let unit = self.dataset.depth_unit_metres();
-        let measured = units.iter().filter(|units| !matches!(**units, 0 | u16::MAX));
+        let no_depth = &self.cameras.no_depth;
+        let is_none = |units: u16| match &no_depth[..] {
+            [] => matches!(units, 0 | u16::MAX),
+            values => units == 0 || values.contains(&units),
+        };
+        let measured = units.iter().filter(|units| !is_none(**units));
         self.metres_sampled.extend(measured.map(|units| f64::from(*units) * unit));
         self.pixels_sampled += units.len();
         Ok(())
@@ -200,7 +305,7 @@ impl<'a> Look<'a> {
     }
 
     fn finished(mut self) -> Inspection {
-        let Intrinsics { width, height, fx, fy, cx, cy } = self.dataset.intrinsics();
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.cameras.color.intrinsics;
         let depth = self.depth();
         let mut problems = self.unreadable.told("frames that cannot be sent");
         problems.extend(self.disordered.told("frames whose time is not later"));
@@ -216,6 +321,11 @@ impl<'a> Look<'a> {
             no_pose: self.no_pose,
             size: [width, height],
             camera: [fx, fy, cx, cy],
+            distortion: DistortionSeen::of(&self.cameras.color.distortion),
+            own_cameras: self.own_cameras,
+            depth_camera: self.cameras.depth.as_ref().map(DepthCameraSeen::of),
+            depth_range_metres: self.cameras.depth_range_metres,
+            no_depth: self.cameras.no_depth,
             depth_unit_metres: self.dataset.depth_unit_metres(),
             depth,
             seconds,
@@ -248,6 +358,27 @@ fn depth_problem(depth: Option<DepthSeen>, readable: usize) -> Option<String> {
             ))
         }
         _ => None,
+    }
+}
+
+/// Refuses an encoded picture of another size.
+fn check_size(bytes: &[u8], (width, height): (u32, u32)) -> Result<(), String> {
+    let (columns, rows) = dimensions(bytes)?;
+    match (columns, rows) == (width, height) {
+        true => Ok(()),
+        false => Err(format!("expected {width}x{height} pixels, found {columns}x{rows}")),
+    }
+}
+
+/// Refuses pixels that do not fill a picture.
+fn check_length(bytes: &[u8], (width, height): (u32, u32), each: usize) -> Result<(), String> {
+    let expected = width as usize * height as usize * each;
+    match bytes.len() == expected {
+        true => Ok(()),
+        false => Err(format!(
+            "expected {expected} bytes, which are {width}x{height} pixels, found {}",
+            bytes.len()
+        )),
     }
 }
 

@@ -6,6 +6,7 @@
 //! talks to a server.
 
 mod against;
+mod described;
 mod error;
 mod files;
 mod folder;
@@ -20,6 +21,7 @@ mod numbered;
 mod part;
 mod pose;
 mod posed;
+mod prepare;
 mod range;
 mod recording;
 mod replica;
@@ -31,7 +33,7 @@ mod truth;
 mod tum;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use against::Against;
 pub use error::DatasetError;
@@ -40,7 +42,7 @@ pub use frame::{
     Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, FrameExtras,
     Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
-pub use inspect::{DepthSeen, Inspection, inspect};
+pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect};
 pub use layer::Layer;
 pub use nerfstudio::Nerfstudio;
 pub use posed::with_poses;

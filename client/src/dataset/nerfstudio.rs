@@ -1,32 +1,35 @@
 //! Nerfstudio layout with depth, as Polycam, Record3D and `ns-process-data` write it: `transforms.json` with
-//! the camera (`w`, `h`, `fl_x`, `fl_y`, `cx`, `cy`) and `frames`, each with `file_path`, `depth_file_path`
-//! (16-bit PNG, millimetres) and `transform_matrix`, `world_from_camera` with camera axes x right, y up, z
-//! back. Depth of another size is enlarged to color's by its nearest pixels, as nerfstudio does. Frames come in
-//! the order of their names; a frame's number is its place in it.
+//! the camera (`w`, `h`, `fl_x`, `fl_y`, `cx`, `cy`, `k1` …) and `frames`, each with `file_path`,
+//! `depth_file_path` and `transform_matrix`, `world_from_camera` with camera axes x right, y up, z back.
+//!
+//! Depth is 16-bit PNG or `.npy`, of any size, taken through color's lens; its unit is
+//! `depth_unit_scale_factor` metres, or a millimetre. A frame may have a camera of its own. Poses that
+//! `applied_scale` says were scaled are scaled back. Frames come in the order of their names; a frame's number
+//! is its place in it.
 
 use super::error::DatasetError;
-use super::files;
-use super::frame::{Depth, DepthFormat, Intrinsics, RgbdFrame, counted_nanos};
+use super::files::{self, Size};
+use super::frame::{
+    Camera, Cameras, DepthCamera, Distortion, FrameExtras, Intrinsics, RgbdFrame, counted_nanos,
+};
 use super::layer::Layer;
 use super::name;
 use super::natural::natural_order;
 use super::pose;
+use super::prepare::{self, FINE_UNIT_METRES, Preparation};
 use super::recording::{self, Entry, MaybePose, Recording};
 use super::source::Dataset;
-use image::imageops::{FilterType, resize};
-use image::{DynamicImage, ImageFormat};
 use serde::Deserialize;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 const LIST: &str = "transforms.json";
-const DEPTH_UNIT_METRES: f64 = 0.001;
+const UNIT_METRES: f64 = 0.001;
 /// Nerfstudio has the centre of the top-left pixel at (0.5, 0.5).
 const CENTRE: f64 = 0.5;
-/// Cameras with straight lenses, up to a distortion that is told of.
-const MODELS: [&str; 4] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"];
-/// Focal lengths of frames that differ by more than this share are told of.
-const NOTED_SHARE: f64 = 0.002;
+const FISHEYE: &str = "OPENCV_FISHEYE";
+/// Models of cameras that are understood.
+const MODELS: [&str; 7] =
+    ["OPENCV", FISHEYE, "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "SIMPLE_RADIAL", "RADIAL"];
 /// Extensions of pictures whose name has none in the list.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
@@ -39,6 +42,8 @@ pub struct Nerfstudio {
 #[derive(Deserialize)]
 struct Transforms {
     camera_model: Option<String>,
+    depth_unit_scale_factor: Option<f64>,
+    applied_scale: Option<f64>,
     #[serde(flatten)]
     lens: Lens,
     frames: Vec<Listed>,
@@ -56,6 +61,8 @@ struct Listed {
 /// What the whole list, or one frame, says of the lens.
 #[derive(Clone, Deserialize)]
 struct Lens {
+    w: Option<f64>,
+    h: Option<f64>,
     fl_x: Option<f64>,
     fl_y: Option<f64>,
     cx: Option<f64>,
@@ -63,6 +70,7 @@ struct Lens {
     k1: Option<f64>,
     k2: Option<f64>,
     k3: Option<f64>,
+    k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
 }
@@ -74,38 +82,50 @@ impl Nerfstudio {
     /// [`DatasetError`] if the list or the camera is missing or damaged, or no frame has depth.
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let path = folder.join(LIST);
+        let wrong = |reason: String| DatasetError::content(&path, reason);
         let mut list: Transforms = files::json(&path)?;
-        let model = list.camera_model.as_deref().unwrap_or(MODELS[0]);
-        if !MODELS.contains(&model) {
-            let reason =
-                format!("camera_model: expected one of {}, found {model}", MODELS.join(", "));
-            return Err(DatasetError::content(&path, reason));
-        }
         list.frames.sort_by(|a, b| natural_order(&a.file_path, &b.file_path));
-        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
-        for (sequence, listed) in (0..).zip(&list.frames) {
-            let color = picture(folder, &listed.file_path);
-            let Some(depth) = &listed.depth_file_path else {
-                let reason = "expected depth_file_path in transforms.json, found none";
-                skipped.push(DatasetError::content(&color, reason).to_string());
-                continue;
-            };
-            let (nanos, depth) = (counted_nanos(sequence), picture(folder, depth));
-            let world_from_camera = pose(&listed.transform_matrix).map_err(|reason| {
-                DatasetError::content(&path, format!("{}: {reason}", listed.file_path)).to_string()
-            });
-            frames.push(Entry { sequence, nanos, color, depth, world_from_camera });
-        }
+        let unit = positive("depth_unit_scale_factor", list.depth_unit_scale_factor);
+        let unit = unit.map_err(wrong)?;
+        let scale = positive("applied_scale", list.applied_scale).map_err(wrong)?.unwrap_or(1.0);
+        let (mut frames, skipped) = list.entries(folder, &path, scale);
         if frames.is_empty() {
             let expected = "expected frames with depth_file_path, found none";
             return Err(DatasetError::no_frames(&path, expected, &skipped));
         }
+        let is_array = frames.iter().any(|frame| prepare::is_array(&frame.depth));
         let mut notes = Vec::new();
-        let intrinsics = intrinsics(&path, &list, recording::color_size(&frames)?, &mut notes)?;
-        let (name, depth_unit_metres) = (name::of(folder), DEPTH_UNIT_METRES);
-        let cameras = intrinsics.into();
-        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
+        if is_array && unit.is_none() {
+            notes.push(format!(
+                "{} has no depth_unit_scale_factor: values of depth in .npy files are taken to be millimetres",
+                path.display()
+            ));
+        }
+        let stored = unit.unwrap_or(UNIT_METRES);
+        let sent = if is_array { FINE_UNIT_METRES } else { stored };
+        let preparation = Preparation { scale: stored / sent, ..Preparation::default() };
+        let [color, depth] = recording::sizes(&frames, &preparation)?;
+        let camera = list.camera(color, &mut notes).map_err(wrong)?;
+        for frame in &mut frames {
+            let own = &list.frames[frame.sequence as usize].lens;
+            frame.extras = own.extras(&list.lens, color, &camera.intrinsics);
+        }
+        let Size { width, height } = depth;
+        let depth = (color != depth).then_some(DepthCamera::SameLens { width, height });
+        let cameras = Cameras { color: camera.clone(), depth, ..camera.intrinsics.into() };
+        let (name, depth_unit_metres) = (name::of(folder), sent);
+        let recording =
+            Recording { name, cameras, depth_unit_metres, preparation, frames, skipped, notes };
         Ok(Self { recording })
+    }
+}
+
+fn positive(key: &str, value: Option<f64>) -> Result<Option<f64>, String> {
+    match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => {
+            Err(format!("{key}: expected more than 0, found {value}"))
+        }
+        value => Ok(value),
     }
 }
 
@@ -119,8 +139,8 @@ fn picture(folder: &Path, name: &str) -> PathBuf {
     EXTENSIONS.iter().map(with).find(|path| path.is_file()).unwrap_or(path)
 }
 
-/// A pose with camera axes x right, y down, z forward.
-fn pose(rows: &[Vec<f64>]) -> MaybePose {
+/// A pose with camera axes x right, y down, z forward, metres.
+fn pose(rows: &[Vec<f64>], applied_scale: f64) -> MaybePose {
     let numbers: Vec<f64> = rows.concat();
     let mut matrix = [0.0; 16];
     matrix[15] = 1.0;
@@ -128,67 +148,108 @@ fn pose(rows: &[Vec<f64>]) -> MaybePose {
         return Err(format!("expected a transform_matrix of 4x4, found {} numbers", numbers.len()));
     }
     matrix[..numbers.len()].copy_from_slice(&numbers);
+    [3, 7, 11].into_iter().for_each(|at| matrix[at] /= applied_scale);
     Ok(pose::Axes::OpenGl.to_opencv(&pose::from_matrix(&matrix)?))
 }
 
-fn intrinsics(
-    path: &Path,
-    list: &Transforms,
-    size: files::Size,
-    notes: &mut Vec<String>,
-) -> Result<Intrinsics, DatasetError> {
-    let own: Vec<&Lens> = list.frames.iter().map(|frame| &frame.lens).collect();
-    let mut number = |field: &str, get: fn(&Lens) -> Option<f64>| {
-        let each: Vec<f64> = own.iter().filter_map(|lens| get(lens)).collect();
-        let first = get(&list.lens).or(each.first().copied());
-        let first =
-            first.ok_or_else(|| DatasetError::content(path, format!("missing field {field}")))?;
-        let (least, most) = each.iter().fold((first, first), |(a, b), x| (a.min(*x), b.max(*x)));
-        if most - least > NOTED_SHARE * first.abs() {
+impl Transforms {
+    /// The frames with depth, and why others are left out.
+    fn entries(&self, folder: &Path, path: &Path, applied_scale: f64) -> (Vec<Entry>, Vec<String>) {
+        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
+        for (sequence, listed) in (0..).zip(&self.frames) {
+            let color = picture(folder, &listed.file_path);
+            let Some(depth) = &listed.depth_file_path else {
+                let reason = "expected depth_file_path in transforms.json, found none";
+                skipped.push(DatasetError::content(&color, reason).to_string());
+                continue;
+            };
+            let world_from_camera =
+                pose(&listed.transform_matrix, applied_scale).map_err(|reason| {
+                    let reason = format!("{}: {reason}", listed.file_path);
+                    DatasetError::content(path, reason).to_string()
+                });
+            let pictures = [color, picture(folder, depth)];
+            let nanos = counted_nanos(sequence);
+            frames.push(Entry::new(sequence, nanos, pictures, world_from_camera));
+        }
+        (frames, skipped)
+    }
+
+    /// The camera of all frames: the list's, or the first frame's.
+    fn camera(&self, size: Size, notes: &mut Vec<String>) -> Result<Camera, String> {
+        let model = self.camera_model.as_deref().unwrap_or(MODELS[0]);
+        if !MODELS.contains(&model) {
+            let expected = MODELS.join(", ");
+            return Err(format!("camera_model: expected one of {expected}, found {model}"));
+        }
+        let first = self.frames.first().map(|frame| &frame.lens);
+        let lens = first.map_or(self.lens.clone(), |first| self.lens.or(first));
+        let distortion = lens.distortion(model)?;
+        let is_other = |frame: &Listed| {
+            frame.lens.or(&lens).distortion(model).is_ok_and(|other| other != distortion)
+        };
+        if let Some(other) = self.frames.iter().find(|frame| is_other(frame)) {
             notes.push(format!(
-                "{}: {field} is {least:.1} to {most:.1}, by frame: all are taken to have {first:.1}",
-                path.display()
+                "{}: its own distortion is not used: all frames have that of the first",
+                other.file_path
             ));
         }
-        Ok::<f64, DatasetError>(first)
-    };
-    let (fx, fy) =
-        (number("fl_x", |lens| lens.fl_x)?, number("fl_y", |lens| lens.fl_y.or(lens.fl_x))?);
-    let (cx, cy) = (number("cx", |lens| lens.cx)?, number("cy", |lens| lens.cy)?);
-    let bent = |lens: &Lens| {
-        let all = [lens.k1, lens.k2, lens.k3, lens.p1, lens.p2];
-        all.into_iter().flatten().any(|coefficient| coefficient != 0.0)
-    };
-    if bent(&list.lens) || own.iter().any(|lens| bent(lens)) {
-        notes.push(format!(
-            "{}: the distortion is not used: pictures are taken as if the lens were straight; undistort them \
-             first if that is too coarse",
-            path.display()
-        ));
+        Ok(Camera { intrinsics: lens.intrinsics(size)?, distortion })
     }
-    let (width, height) = (size.width, size.height);
-    Ok(Intrinsics { width, height, fx, fy, cx: cx - CENTRE, cy: cy - CENTRE })
 }
 
-impl Nerfstudio {
-    /// Depth at color's size.
-    fn enlarged(&self, entry: &Entry, depth: Depth) -> Result<Depth, DatasetError> {
-        let units = match files::picture(&entry.depth, &depth.bytes)? {
-            DynamicImage::ImageLuma16(units) => units,
-            other => {
-                let reason = format!("expected 16-bit grey, found {:?}", other.color());
-                return Err(DatasetError::content(&entry.depth, reason));
-            }
-        };
-        let Intrinsics { width, height, .. } = self.recording.intrinsics();
-        if units.dimensions() == (width, height) {
-            return Ok(depth);
+impl Lens {
+    /// This lens, and what `other` says where this one says nothing.
+    fn or(&self, other: &Self) -> Self {
+        Self {
+            w: self.w.or(other.w),
+            h: self.h.or(other.h),
+            fl_x: self.fl_x.or(other.fl_x),
+            fl_y: self.fl_y.or(other.fl_y),
+            cx: self.cx.or(other.cx),
+            cy: self.cy.or(other.cy),
+            k1: self.k1.or(other.k1),
+            k2: self.k2.or(other.k2),
+            k3: self.k3.or(other.k3),
+            k4: self.k4.or(other.k4),
+            p1: self.p1.or(other.p1),
+            p2: self.p2.or(other.p2),
         }
-        let mut bytes = Vec::new();
-        resize(&units, width, height, FilterType::Nearest)
-            .write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)
-            .map_err(|source| DatasetError::Encode { sequence: entry.sequence, source })?;
-        Ok(Depth { format: DepthFormat::Png16, bytes })
+    }
+
+    /// The pinhole camera for pictures of a size, which may be another one than the list's.
+    fn intrinsics(&self, size: Size) -> Result<Intrinsics, String> {
+        let number = |value: Option<f64>, field| value.ok_or(format!("missing field {field}"));
+        let (fx, cx) = (number(self.fl_x, "fl_x")?, number(self.cx, "cx")? - CENTRE);
+        let (fy, cy) = (self.fl_y.unwrap_or(fx), number(self.cy, "cy")? - CENTRE);
+        let side = |value: Option<f64>, found: u32| match value {
+            None => Ok(found),
+            Some(value) if value.fract() == 0.0 && (1.0..=1e6).contains(&value) => Ok(value as u32),
+            Some(value) => Err(format!("w, h: expected pixels, found {value}")),
+        };
+        let (width, height) = (side(self.w, size.width)?, side(self.h, size.height)?);
+        let listed = Intrinsics { width, height, fx, fy, cx, cy };
+        Ok(listed.scaled(size.width, size.height))
+    }
+
+    fn distortion(&self, model: &str) -> Result<Distortion, String> {
+        let Self { k1, k2, k3, k4, p1, p2, .. } = self;
+        let coefficients = |all: &[&Option<f64>]| -> Vec<f64> {
+            all.iter().map(|coefficient| coefficient.unwrap_or_default()).collect()
+        };
+        if model == FISHEYE {
+            return Distortion::named(model, &coefficients(&[k1, k2, k3, k4]));
+        }
+        match k4 {
+            Some(k4) if *k4 != 0.0 => Err(format!("k4: expected 0 with {model}, found {k4}")),
+            _ => Distortion::named("OPENCV", &coefficients(&[k1, k2, p1, p2, k3])),
+        }
+    }
+
+    /// The frame's own camera, if it has one.
+    fn extras(&self, list: &Self, size: Size, usual: &Intrinsics) -> FrameExtras {
+        let own = self.or(list).intrinsics(size).ok().filter(|own| own != usual);
+        FrameExtras { intrinsics: own, ..FrameExtras::default() }
     }
 }
 
@@ -198,8 +259,6 @@ impl Layer for Nerfstudio {
     }
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let frame = self.recording.frame(index)?;
-        let depth = self.enlarged(&self.recording.frames[index], frame.depth)?;
-        Ok(RgbdFrame { depth, ..frame })
+        self.recording.frame(index)
     }
 }

@@ -3,6 +3,7 @@
 use super::error::DatasetError;
 use super::files::{self, Size};
 use super::frame::{Cameras, FrameExtras, Intrinsics, Moment, RgbdFrame};
+use super::prepare::Preparation;
 use super::source::Dataset;
 use nalgebra::Isometry3;
 use std::path::PathBuf;
@@ -21,6 +22,9 @@ pub(super) struct Entry {
     pub color: PathBuf,
     pub depth: PathBuf,
     pub world_from_camera: MaybePose,
+    /// The picture of depth's confidence.
+    pub confidence: Option<PathBuf>,
+    pub extras: FrameExtras,
 }
 
 /// The frames of a recording. Layouts build one each.
@@ -29,6 +33,7 @@ pub(super) struct Recording {
     pub name: String,
     pub cameras: Cameras,
     pub depth_unit_metres: f64,
+    pub preparation: Preparation,
     pub frames: Vec<Entry>,
     /// See [`Dataset::skipped`].
     pub skipped: Vec<String>,
@@ -44,12 +49,18 @@ pub(super) fn size(frames: &[Entry]) -> Result<Size, DatasetError> {
     usual(frames, Entry::size)
 }
 
-/// The size of color that most of a few frames have; depth may have another.
+/// The sizes that color and depth of most of a few frames have, once they are turned.
 ///
 /// # Errors
-/// What is wrong with the first frame, if color of no frame looked at can be read.
-pub(super) fn color_size(frames: &[Entry]) -> Result<Size, DatasetError> {
-    usual(frames, |entry| files::size(&entry.color))
+/// What is wrong with the first frame, if color or depth of no frame looked at can be read.
+pub(super) fn sizes(
+    frames: &[Entry],
+    preparation: &Preparation,
+) -> Result<[Size; 2], DatasetError> {
+    Ok([
+        usual(frames, |entry| preparation.color_size(&entry.color))?,
+        usual(frames, |entry| preparation.depth_size(&entry.depth))?,
+    ])
 }
 
 fn usual(
@@ -76,6 +87,17 @@ fn usual(
 }
 
 impl Entry {
+    /// A frame about which no more is known.
+    pub fn new(
+        sequence: u64,
+        nanos: u64,
+        [color, depth]: [PathBuf; 2],
+        world_from_camera: MaybePose,
+    ) -> Self {
+        let (confidence, extras) = (None, FrameExtras::default());
+        Self { sequence, nanos, color, depth, world_from_camera, confidence, extras }
+    }
+
     fn size(&self) -> Result<Size, DatasetError> {
         let size = files::size(&self.color)?;
         files::check_size(&self.depth, size)?;
@@ -110,13 +132,14 @@ impl Dataset for Recording {
 
     fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
         let entry = &self.frames[index];
+        let (sequence, confidence) = (entry.sequence, entry.confidence.as_ref());
         Ok(RgbdFrame {
-            sequence: entry.sequence,
+            sequence,
             timestamp_nanos: entry.nanos,
-            color: files::color(&entry.color)?,
-            depth: files::depth(&entry.depth)?,
+            color: self.preparation.color(&entry.color, sequence)?,
+            depth: self.preparation.depth(&entry.depth, confidence, sequence)?,
             world_from_camera: entry.world_from_camera.as_ref().ok().copied(),
-            extras: FrameExtras::default(),
+            extras: entry.extras,
         })
     }
 

@@ -8,6 +8,7 @@ use super::files::Size;
 use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
 use super::layer::Layer;
 use super::numbered::{self, Pattern};
+use super::prepare::Preparation;
 use super::recording::{self, Entry, MaybePose, Recording};
 use super::source::Dataset;
 use super::truth::{Instance, Mask, Truth};
@@ -65,7 +66,7 @@ impl Replica {
         let poses = Poses::read(folder.join("traj.txt"))?;
         let entry = |(sequence, color, depth)| {
             let (nanos, world_from_camera) = (counted_nanos(sequence), poses.of(sequence));
-            Entry { sequence, nanos, color, depth, world_from_camera }
+            Entry::new(sequence, nanos, [color, depth], world_from_camera)
         };
         let frames: Vec<Entry> = pairs.into_iter().map(entry).collect();
         let Some(first) = frames.first() else {
@@ -81,8 +82,9 @@ impl Replica {
         let sequences = frames.iter().map(|frame| frame.sequence).collect();
         let labels = Labels::open(folder, sequences, size)?;
         let (name, notes) = (name::of(folder), Vec::new());
-        let cameras = intrinsics.into();
-        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
+        let (cameras, preparation) = (intrinsics.into(), Preparation::default());
+        let recording =
+            Recording { name, cameras, depth_unit_metres, preparation, frames, skipped, notes };
         Ok(Self { recording, labels })
     }
 }

@@ -10,10 +10,11 @@ use super::files::Size;
 use super::frame::{Color, ColorFormat, Intrinsics, RgbdFrame, counted_nanos};
 use super::layer::Layer;
 use super::numbered::{self, Pattern};
+use super::prepare::{self, Preparation, Units};
 use super::recording::{self, Entry, MaybePose, Recording};
 use super::source::Dataset;
 use super::{files, kinect, name, pose, text};
-use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, Luma, codecs::png};
+use image::{ExtendedColorType, ImageEncoder};
 use std::path::Path;
 
 const NO_MEASUREMENT: u16 = u16::MAX;
@@ -38,7 +39,7 @@ impl SevenScenes {
         let numbered::Pairs { frames: pairs, skipped } = numbered::pairs(folder, &COLOR, &DEPTH)?;
         let entry = |(sequence, color, depth)| {
             let world_from_camera = pose(&folder.join(format!("frame-{sequence:06}.pose.txt")));
-            Entry { sequence, nanos: counted_nanos(sequence), color, depth, world_from_camera }
+            Entry::new(sequence, counted_nanos(sequence), [color, depth], world_from_camera)
         };
         let frames: Vec<Entry> = pairs.into_iter().map(entry).collect();
         if frames.is_empty() {
@@ -49,8 +50,9 @@ impl SevenScenes {
         let mut notes = Vec::new();
         let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
         let (name, depth_unit_metres) = (name::of(folder), 0.001);
-        let cameras = intrinsics.into();
-        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
+        let (cameras, preparation) = (intrinsics.into(), Preparation::default());
+        let recording =
+            Recording { name, cameras, depth_unit_metres, preparation, frames, skipped, notes };
         Ok(Self { recording })
     }
 }
@@ -87,35 +89,12 @@ fn intrinsics(
     Ok(Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy })
 }
 
-type Units = ImageBuffer<Luma<u16>, Vec<u16>>;
-
 /// Depth in millimetres, 0 without a measurement; and whether the file has it so already.
 fn units(path: &Path, bytes: &[u8]) -> Result<(Units, bool), DatasetError> {
-    let mut units = match files::picture(path, bytes)? {
-        DynamicImage::ImageLuma16(units) => units,
-        other => {
-            let reason = format!("expected 16-bit grey, found {:?}", other.color());
-            return Err(DatasetError::content(path, reason));
-        }
-    };
+    let mut units = prepare::decoded(path, bytes)?;
     let is_whole = !units.contains(&NO_MEASUREMENT);
     units.iter_mut().filter(|unit| **unit == NO_MEASUREMENT).for_each(|unit| *unit = 0);
     Ok((units, is_whole))
-}
-
-/// Encodes a PNG, fast rather than small.
-fn encoded(
-    samples: &[u8],
-    size: Size,
-    kind: ExtendedColorType,
-    sequence: u64,
-) -> Result<Vec<u8>, DatasetError> {
-    let mut bytes = Vec::new();
-    let (fast, filter) = (png::CompressionType::Fast, png::FilterType::Adaptive);
-    png::PngEncoder::new_with_quality(&mut bytes, fast, filter)
-        .write_image(samples, size.width, size.height, kind)
-        .map_err(|source| DatasetError::Encode { sequence, source })?;
-    Ok(bytes)
 }
 
 impl SevenScenes {
@@ -136,8 +115,10 @@ fn registered(entry: &Entry, color: &Color, units: &Units) -> Result<Color, Data
         return Err(DatasetError::content(&entry.color, reason));
     }
     let seen = kinect::registered(&picture, units);
-    let size = Size { width: seen.width(), height: seen.height() };
-    let bytes = encoded(&seen, size, ExtendedColorType::Rgb8, entry.sequence)?;
+    let ((width, height), mut bytes) = (seen.dimensions(), Vec::new());
+    prepare::fast_png(&mut bytes)
+        .write_image(&seen, width, height, ExtendedColorType::Rgb8)
+        .map_err(|source| DatasetError::Encode { sequence: entry.sequence, source })?;
     Ok(Color { format: ColorFormat::Png, bytes })
 }
 
@@ -154,10 +135,7 @@ impl Layer for SevenScenes {
             frame.color = registered(entry, &frame.color, &units)?;
         }
         if !is_whole {
-            // The encoder takes samples in native byte order.
-            let samples: Vec<u8> = units.iter().flat_map(|unit| unit.to_ne_bytes()).collect();
-            let size = Size { width: units.width(), height: units.height() };
-            frame.depth.bytes = encoded(&samples, size, ExtendedColorType::L16, entry.sequence)?;
+            frame.depth = prepare::encoded(&units, entry.sequence)?;
         }
         Ok(frame)
     }

@@ -3,7 +3,8 @@
 //! are paired with depth at most 0.02 s away, each used once, and with the nearest pose at most
 //! 0.08 s away. Intrinsics: `camera.txt` or `calibration.txt` (`fx fy cx cy`); for pictures of 640x480
 //! without a file, by the word `fr1`, `fr2` or `fr3` (`freiburg1`, …) in the folder's name, else the
-//! driver's default, both of which [`Dataset::notes`] says. A frame's number is its picture's place in
+//! driver's default, both of which [`Dataset::notes`] says. Behind `fx fy cx cy` may be the coefficients of
+//! a Brown-Conrady distortion, `k1 k2 p1 p2 k3`. A frame's number is its picture's place in
 //! `rgb.txt`, from 0.
 //!
 //! Without `rgb.txt`, a list of pairs is read (ICL-NUIM's `associations.txt`: `timestamp file timestamp file` per
@@ -11,8 +12,9 @@
 
 use super::error::DatasetError;
 use super::files::{self, Size};
-use super::frame::{Intrinsics, RgbdFrame};
+use super::frame::{Camera, Cameras, Distortion, Intrinsics, RgbdFrame};
 use super::layer::Layer;
+use super::prepare::Preparation;
 use super::recording::{self, Entry, Recording};
 use super::source::Dataset;
 use super::timed::{self, Timed, TimedPoses};
@@ -53,7 +55,7 @@ impl Tum {
             let Timed { nanos, value: color } = &colors[at];
             let (color, depth) = (color.clone(), depths[depth].value.clone());
             let (sequence, world_from_camera) = (at as u64, poses.at(*nanos, &color));
-            Entry { sequence, nanos: *nanos, color, depth, world_from_camera }
+            Entry::new(sequence, *nanos, [color, depth], world_from_camera)
         };
         let frames: Vec<Entry> = pairs.iter().map(entry).collect();
         if frames.is_empty() {
@@ -66,10 +68,17 @@ impl Tum {
             DatasetError::content(&colors[at].value, reason).to_string()
         });
         let (skipped, mut notes) = (skipped.collect(), Vec::new());
-        let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
-        let (name, depth_unit_metres) = (name::of(folder), DEPTH_UNIT_METRES);
-        let cameras = intrinsics.into();
-        let recording = Recording { name, cameras, depth_unit_metres, frames, skipped, notes };
+        let color = camera(folder, recording::size(&frames)?, &mut notes)?;
+        let cameras = Cameras { color: color.clone(), ..color.intrinsics.into() };
+        let recording = Recording {
+            name: name::of(folder),
+            cameras,
+            depth_unit_metres: DEPTH_UNIT_METRES,
+            preparation: Preparation::default(),
+            frames,
+            skipped,
+            notes,
+        };
         Ok(Self { recording })
     }
 }
@@ -131,15 +140,11 @@ fn listed(folder: &Path, file: &str) -> PathBuf {
 }
 
 /// The camera of a file, of the benchmark, or the driver's. The last two only for pictures of their size.
-fn intrinsics(
-    folder: &Path,
-    size: Size,
-    notes: &mut Vec<String>,
-) -> Result<Intrinsics, DatasetError> {
+fn camera(folder: &Path, size: Size, notes: &mut Vec<String>) -> Result<Camera, DatasetError> {
     let given = CAMERA_FILES.map(|file| folder.join(file));
-    let [fx, fy, cx, cy] = match given.iter().find(|path| path.is_file()) {
+    let ([fx, fy, cx, cy], distortion) = match given.iter().find(|path| path.is_file()) {
         Some(path) => camera_file(path, notes)?,
-        None if size == BENCHMARK_SIZE => assumed(folder, notes),
+        None if size == BENCHMARK_SIZE => (assumed(folder, notes), Distortion::None),
         None => {
             let reason = format!(
                 "expected camera.txt (fx fy cx cy, pixels), since pictures of {size} pixels are not the                  benchmark's"
@@ -147,25 +152,35 @@ fn intrinsics(
             return Err(DatasetError::content(folder, reason));
         }
     };
-    Ok(Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy })
+    let intrinsics = Intrinsics { width: size.width, height: size.height, fx, fy, cx, cy };
+    Ok(Camera { intrinsics, distortion })
 }
 
-/// `fx fy cx cy`, which coefficients of a distortion may follow.
-fn camera_file(path: &Path, notes: &mut Vec<String>) -> Result<[f64; 4], DatasetError> {
+/// `fx fy cx cy`, which coefficients of a Brown-Conrady distortion may follow: k1 k2 p1 p2 k3.
+fn camera_file(
+    path: &Path,
+    notes: &mut Vec<String>,
+) -> Result<([f64; 4], Distortion), DatasetError> {
     let content = files::text(path)?;
     let (number, line) = text::lines(&content)
         .next()
         .ok_or_else(|| DatasetError::content(path, "expected fx fy cx cy"))?;
     let words: Vec<&str> = text::words(line).collect();
     let (camera, more) = words.split_at(words.len().min(4));
-    if more.iter().any(|word| word.parse() != Ok(0.0)) {
+    let coefficients: Result<Vec<f64>, _> = more.iter().map(|word| word.parse()).collect();
+    let distortion = coefficients
+        .map_err(|_| "expected numbers".to_owned())
+        .and_then(|numbers| Distortion::named("brown_conrady", &numbers));
+    let distortion = distortion.unwrap_or_else(|reason| {
         notes.push(format!(
-            "{}: the distortion {} is not used: pictures are taken as if the lens were straight;              undistort them first if that is too coarse",
+            "{}: {} behind fx fy cx cy is not used as a distortion: {reason}",
             path.display(),
             more.join(" ")
         ));
-    }
-    text::numbers(&camera.join(" ")).map_err(|reason| DatasetError::at_line(path, number, reason))
+        Distortion::None
+    });
+    let camera = text::numbers(&camera.join(" "));
+    Ok((camera.map_err(|reason| DatasetError::at_line(path, number, reason))?, distortion))
 }
 
 /// The camera that the folder's name says, as given or behind a link, or else the driver's.

@@ -115,7 +115,8 @@ pub const CRATES: &[Declared] = &[
             &["dataset/against", "dataset/part"],
             &["dataset/inspect", "dataset/posed"],
             &["dataset/files", "dataset/numbered", "dataset/kinect"],
-            &["dataset/pose"],
+            &["dataset/pose", "dataset/prepare"],
+            &["dataset/described"],
             &["dataset/recording"],
             &["dataset/timed"],
             &[
@@ -127,6 +128,7 @@ pub const CRATES: &[Declared] = &[
                 "dataset/tum",
             ],
             &["dataset/mod"],
+            &["messages"],
             &["http", "stream"],
             &["lib"],
         ],

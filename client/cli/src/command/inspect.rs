@@ -3,7 +3,7 @@
 use crate::dataset::{DatasetSpec, recognised};
 use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
-use lexsplat_client::dataset::{Inspection, inspect};
+use lexsplat_client::dataset::{DepthCameraSeen, DistortionSeen, Inspection, inspect};
 use lexsplat_client::stream::Poses;
 
 /// Say what a recording holds, what of it would be used, and what is wrong with it
@@ -48,13 +48,40 @@ fn spec(text: &str) -> Result<DatasetSpec> {
     }
 }
 
+/// A camera in a few words.
+fn lens(
+    [width, height]: [u32; 2],
+    [fx, fy, cx, cy]: [f64; 4],
+    bent: Option<&DistortionSeen>,
+) -> String {
+    let bent = bent.map_or(String::new(), |DistortionSeen { model, coefficients }| {
+        let numbers: Vec<String> = coefficients.iter().map(f64::to_string).collect();
+        format!(", {model} {}", numbers.join(" "))
+    });
+    format!("{width}x{height}, fx fy cx cy = {fx} {fy} {cx} {cy}{bent}")
+}
+
+fn depth_camera(found: &DepthCameraSeen) -> String {
+    let ([width, height], [x, y, z]) = (found.size, found.place_metres);
+    match found.camera {
+        None => format!("         depth {width}x{height}, through the same lens"),
+        Some(camera) => format!(
+            "         depth {}; at {x:.4} {y:.4} {z:.4} m from color, turned by {:.2} degrees",
+            lens(found.size, camera, found.distortion.as_ref()),
+            found.turned_degrees
+        ),
+    }
+}
+
 fn described(spec: &DatasetSpec, found: &Inspection) -> String {
     let Inspection { frames, readable, with_pose, .. } = found;
-    let ([width, height], [fx, fy, cx, cy]) = (found.size, found.camera);
     let mut lines = vec![
         format!("{spec}: {frames} frames over {:.1} s, map {}", found.seconds, found.name),
-        format!("camera   {width}x{height}, fx fy cx cy = {fx} {fy} {cx} {cy}"),
+        format!("camera   {}", lens(found.size, found.camera, found.distortion.as_ref())),
     ];
+    let own = found.own_cameras;
+    lines.extend((own > 0).then(|| format!("         {own} frames have a camera of their own")));
+    lines.extend(found.depth_camera.as_ref().map(depth_camera));
     lines.push(match found.depth {
         None => "depth    none was found".into(),
         Some(depth) => format!(

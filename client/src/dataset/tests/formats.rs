@@ -1,7 +1,7 @@
 //! The layouts of nerfstudio and of described folders, in files written here, and what an inspection says.
 
 use super::*;
-use crate::dataset::{Inspection, inspect};
+use crate::dataset::{DepthCamera, Inspection, inspect};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 /// Places of three frames: the camera goes right and turns right.
@@ -51,6 +51,8 @@ fn nerfstudio_is_read_with_its_axes_its_order_and_its_small_depth() {
     let Intrinsics { width, height, fx, fy, cx, cy } = dataset.intrinsics();
     assert_eq!((width, height, fx, fy, cx, cy), (24, 16, 17.0, 18.0, 11.5, 7.5));
     assert_eq!((dataset.len(), dataset.depth_unit_metres(), dataset.notes().len()), (3, 0.001, 0));
+    let small = DepthCamera::SameLens { width: 12, height: 8 };
+    assert_eq!(dataset.cameras().depth, Some(small));
     for (at, number) in [1, 2, 10].into_iter().enumerate() {
         let frame = dataset.frame(at).unwrap();
         let found = frame.world_from_camera.unwrap();
@@ -60,26 +62,18 @@ fn nerfstudio_is_read_with_its_axes_its_order_and_its_small_depth() {
         let flipped = Point3::new(0.3, 0.2, -2.0);
         assert!((found * flipped - wanted * ahead).norm() > 1.0);
         let depth = units(&frame.depth);
-        assert_eq!((depth.dimensions(), depth[(5, 3)][0], depth[(4, 2)][0]), (SIZE, 1021, 1021));
+        assert_eq!((depth.dimensions(), depth[(5, 3)][0]), ((12, 8), 1053), "as it is stored");
     }
 }
 
 #[test]
 fn nerfstudio_says_what_it_does_not_use_and_what_is_missing() {
-    let notes = |change: &dyn Fn(&mut serde_json::Value)| {
-        let folder = nerfstudio(change);
-        Nerfstudio::open(folder.path()).unwrap().notes().to_vec()
-    };
-    let found = notes(&|list| list["k1"] = 0.1.into());
-    assert!(found.len() == 1 && found[0].contains("the distortion is not used"), "{found:?}");
-    let found = notes(&|list| list["frames"][0]["fl_x"] = 20.0.into());
-    assert!(found[0].contains("fl_x is 17.0 to 20.0, by frame"), "{found:?}");
     let error = |change: &dyn Fn(&mut serde_json::Value)| {
         let folder = nerfstudio(change);
         Nerfstudio::open(folder.path()).unwrap_err().to_string()
     };
-    let found = error(&|list| list["camera_model"] = "OPENCV_FISHEYE".into());
-    assert!(found.contains("expected one of OPENCV") && found.contains("FISHEYE"), "{found}");
+    let found = error(&|list| list["camera_model"] = "EQUIRECTANGULAR".into());
+    assert!(found.contains("expected one of OPENCV") && found.contains("EQUIRECT"), "{found}");
     let found = error(&|list| drop(list.as_object_mut().unwrap().remove("cx")));
     assert!(found.ends_with("transforms.json: missing field cx"), "{found}");
     let no_depth = |frame: &mut serde_json::Value| {
@@ -98,7 +92,7 @@ fn nerfstudio_says_what_it_does_not_use_and_what_is_missing() {
     assert!(dataset.frame(0).is_ok(), "a name without its extension");
 }
 
-const DESCRIPTION: &str = r#"
+pub(super) const DESCRIPTION: &str = r#"
 [color]
 files = "color/*.PNG"
 [depth]
@@ -120,7 +114,7 @@ fn matrix(pose: &Isometry3<f64>) -> String {
 }
 
 /// Numbered pictures, with a file of a pose each; number 7 has no depth.
-fn described(more: &str) -> TempDir {
+pub(super) fn described(more: &str) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
     for number in [0, 2, 7, 10] {
@@ -217,7 +211,7 @@ fn wrong_descriptions_say_what_is_wrong() {
     assert!(Folder::open(empty.path()).unwrap_err().to_string().contains("recording.toml"));
 }
 
-fn inspected(kind: &str, folder: &Path) -> Inspection {
+pub(super) fn inspected(kind: &str, folder: &Path) -> Inspection {
     let mut seen = 0;
     let found = inspect(&*open(kind, folder).unwrap(), |done| seen = done);
     assert_eq!(seen, found.frames);

@@ -1,13 +1,14 @@
 //! Each layout on a tiny folder, and each with a broken twin.
 
 mod against;
+mod cameras;
 mod formats;
-mod mutations;
+pub(crate) mod mutations;
 mod wild;
 
 use crate::dataset::{
-    ColorFormat, Dataset, DatasetError, Depth, Folder, FrameRange, Intrinsics, Nerfstudio, Replica,
-    RgbdFrame, SevenScenes, Tum, with_poses,
+    ColorFormat, Dataset, DatasetError, Depth, Distortion, Folder, FrameRange, Intrinsics,
+    Nerfstudio, Replica, RgbdFrame, SevenScenes, Tum, with_poses,
 };
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use nalgebra::Isometry3;

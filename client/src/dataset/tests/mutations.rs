@@ -1,7 +1,7 @@
 //! Data sets of which one file was damaged at random: they are read or refused, and nothing panics.
 
 use super::formats::{nerfstudio, with_table};
-use super::{open, replica, seven_scenes, tum};
+use super::{cameras, open, replica, seven_scenes, tum};
 use crate::dataset::{Dataset, inspect};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +9,7 @@ use rand_chacha::rand_core::SeedableRng as _;
 use std::path::{Path, PathBuf};
 
 /// Damages a file or a message: flips bits, puts extreme numbers in, cuts, repeats or inserts bytes.
-fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
+pub(crate) fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
     for _ in 0..random.random_range(1..5) {
         let length = bytes.len();
         let at = random.random_range(0..=length);
@@ -36,7 +36,7 @@ fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
 }
 
 /// How many mutations a test tries: `MUTATIONS`, as `make fuzz` sets it, or so many.
-fn mutations(few: u64) -> u64 {
+pub(crate) fn mutations(few: u64) -> u64 {
     std::env::var("MUTATIONS").map_or(few, |many| many.parse().expect("a number"))
 }
 
@@ -91,4 +91,5 @@ fn damaged_data_sets_are_read_or_refused() {
     damage("tum", &folder);
     damage("nerfstudio", nerfstudio(|_| ()).path());
     damage("folder", with_table("[poses]\nfiles = \"pose/*.txt\"").path());
+    damage("folder", cameras::phone().path());
 }

@@ -155,16 +155,22 @@ fn a_camera_that_no_file_describes_is_told_of_or_refused() {
 }
 
 #[test]
-fn distortion_that_is_not_used_is_told_of() {
+fn coefficients_behind_a_camera_are_its_distortion() {
     let (_keep, folder) = tum("office");
-    for (camera, notes) in [("17 18 11.5 7.5 0 0.0 0", 0), ("17 18 11.5 7.5 0.26 -0.95", 1)] {
-        put(&folder, "camera.txt", camera);
+    let bent = Distortion::BrownConrady(vec![0.26, -0.95, 0.0, 0.01, 1.16]);
+    for (more, distortion, notes) in [
+        ("", Distortion::None, 0),
+        ("0 0.0 0", Distortion::None, 0),
+        ("0.26 -0.95 0 0.01 1.16", bent, 0),
+        ("640 480", Distortion::None, 1),
+        ("k1 0.26", Distortion::None, 1),
+    ] {
+        put(&folder, "camera.txt", format!("17 18 11.5 7.5 {more}"));
         let dataset = open("tum", &folder).unwrap();
-        assert_eq!((dataset.intrinsics().fx, dataset.notes().len()), (17.0, notes), "{camera}");
+        assert_eq!((dataset.intrinsics().fx, dataset.notes().len()), (17.0, notes), "{more}");
+        assert_eq!(dataset.cameras().color.distortion, distortion, "{more}");
     }
-    assert!(
-        open("tum", &folder).unwrap().notes()[0].contains("the distortion 0.26 -0.95 is not used")
-    );
+    assert!(open("tum", &folder).unwrap().notes()[0].contains("is not used as a distortion"));
 }
 
 #[test]
