@@ -3,6 +3,7 @@
 mod access;
 pub mod dataset;
 pub mod http;
+pub mod messages;
 pub mod npy;
 pub mod stream;
 

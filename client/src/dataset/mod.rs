@@ -31,7 +31,7 @@ mod truth;
 mod tum;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use against::Against;
 pub use error::DatasetError;

@@ -127,6 +127,7 @@ pub const CRATES: &[Declared] = &[
                 "dataset/tum",
             ],
             &["dataset/mod"],
+            &["messages"],
             &["http", "stream"],
             &["lib"],
         ],

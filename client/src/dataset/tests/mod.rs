@@ -2,7 +2,7 @@
 
 mod against;
 mod formats;
-mod mutations;
+pub(crate) mod mutations;
 mod wild;
 
 use crate::dataset::{

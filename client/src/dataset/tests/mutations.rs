@@ -9,7 +9,7 @@ use rand_chacha::rand_core::SeedableRng as _;
 use std::path::{Path, PathBuf};
 
 /// Damages a file or a message: flips bits, puts extreme numbers in, cuts, repeats or inserts bytes.
-fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
+pub(crate) fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
     for _ in 0..random.random_range(1..5) {
         let length = bytes.len();
         let at = random.random_range(0..=length);
@@ -36,7 +36,7 @@ fn mutate(random: &mut ChaCha8Rng, bytes: &mut Vec<u8>) {
 }
 
 /// How many mutations a test tries: `MUTATIONS`, as `make fuzz` sets it, or so many.
-fn mutations(few: u64) -> u64 {
+pub(crate) fn mutations(few: u64) -> u64 {
     std::env::var("MUTATIONS").map_or(few, |many| many.parse().expect("a number"))
 }
 
