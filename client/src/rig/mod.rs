@@ -16,6 +16,9 @@ mod track;
 mod tree;
 mod wanted;
 
+#[cfg(test)]
+mod tests;
+
 pub use error::RigError;
 pub use pairs::{pair, window};
 pub use robot::Rig;
