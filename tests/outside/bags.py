@@ -4,8 +4,8 @@
 
 FOLDER is in Replica layout; its poses are those of the color camera. KIND is one of:
 
-    db3       rosbags, SQLite: raw pictures, aligned depth 3 ms later, TF of a robot; and cameras beside
-    mcap      rosbags, MCAP with zstd: JPEG, compressedDepth, odometry, static TF; and TF that misses the camera
+    db3       rosbags, SQLite: raw pictures, aligned depth 3 ms later, TF; and other cameras
+    mcap      rosbags, MCAP with zstd: JPEG, compressedDepth, odometry, static TF
     ros2      mcap-ros2-support: RGB and metres, a topic of poses
     protobuf  foxglove-sdk: foxglove.* in protobuf, lz4
     json      foxglove-sdk: foxglove.* in JSON
@@ -217,9 +217,7 @@ class Ros:
                 pose=self.place("Pose", pose),
                 covariance=none,
             ),
-            twist=self.new(
-                "geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=none
-            ),
+            twist=self.new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=none),
         )
 
     def db3(self):
@@ -304,11 +302,15 @@ def ros2(walk: Walk, out: Path) -> None:
         "\n================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id"
         "\n================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
     )
-    image = "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data"
+    image = (
+        "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
+        "uint8[] data"
+    )
     roi = "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify"
     info = (
-        "uint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\nfloat64[9] r\n"
-        "float64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi"
+        "uint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
+        "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
+        "sensor_msgs/RegionOfInterest roi"
         "\n================\nMSG: sensor_msgs/RegionOfInterest\n"
     )
     pose = (
@@ -316,7 +318,8 @@ def ros2(walk: Walk, out: Path) -> None:
         "\n================\nMSG: geometry_msgs/Pose\ngeometry_msgs/Point position\n"
         "geometry_msgs/Quaternion orientation"
         "\n================\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z"
-        "\n================\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w"
+        "\n================\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\n"
+        "float64 w"
     )
     c = walk.camera
     with out.open("wb") as file, Writer(file) as writer:
@@ -339,7 +342,7 @@ def ros2(walk: Walk, out: Path) -> None:
         for moment in walk.moments():
             pose = walk.pose(moment)
             x, y, z, w = quaternion(pose)
-            place = dict(zip("xyz", (float(n) for n in pose[:3, 3])))
+            place = dict(zip("xyz", (float(n) for n in pose[:3, 3]), strict=True))
             place = {"position": place, "orientation": {"x": x, "y": y, "z": z, "w": w}}
             write("/vslam/pose", poses, walk.nanos(moment), {"pose": place})
         for frame in range(len(walk)):
@@ -466,8 +469,8 @@ def in_json(walk: Walk, out: Path) -> None:
             stamp = {"sec": nanos // 10**9, "nsec": nanos % 10**9}
             named = {"timestamp": stamp, "frame_id": "camera"}
             pose = walk.poses[frame]
-            turn = dict(zip("xyzw", quaternion(pose)))
-            position = dict(zip("xyz", (float(n) for n in pose[:3, 3])))
+            turn = dict(zip("xyzw", quaternion(pose), strict=True))
+            position = dict(zip("xyz", (float(n) for n in pose[:3, 3]), strict=True))
             posed = {"position": position, "orientation": turn}
             world = {"timestamp": stamp, "frame_id": "world"}
             place.log({**world, "pose": posed}, log_time=nanos)

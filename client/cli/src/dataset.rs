@@ -257,7 +257,7 @@ mod tests {
             parse("mcap:what?").unwrap(),
             DatasetSpec::Mcap("what?".into(), Wanted::default())
         );
-        let error = parse("mcap:a?colour=/a").unwrap_err().to_string();
+        let error = parse("mcap:a?hue=/a").unwrap_err().to_string();
         assert!(error.starts_with("dataset: expected one of color, depth, info"), "{error}");
     }
 

@@ -12,4 +12,7 @@ mod own;
 mod sqlite;
 mod store;
 
+#[cfg(test)]
+mod tests;
+
 pub use bag::{mcap, rosbag2};

@@ -158,8 +158,10 @@ impl Search<'_> {
             }
             return Ok(Err(format!("no transforms connect {child} with {}", self.camera)));
         }
+        // Some senders put the camera's own name there: then the topic names the world.
         let parent = plain(&first.parent);
-        let parent = if parent.is_empty() { "world" } else { parent }.to_owned();
+        let is_world = !parent.is_empty() && !above.contains(&parent);
+        let parent = if is_world { parent } else { plain(topic) }.to_owned();
         let mut track = Track::new(parent.clone(), false);
         seen.poses.iter().for_each(|pose| track.add(pose.nanos, pose.parent_from_child));
         tree.put(&child, track);

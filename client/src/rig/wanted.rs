@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(wanted.to_string(), text);
         assert_eq!(Wanted::parse("").unwrap(), Wanted::default());
         for (text, error) in [
-            ("colour=/a", "expected one of color, depth, info"),
+            ("hue=/a", "expected one of color, depth, info"),
             ("color", "color: expected color=VALUE"),
             ("registered=maybe", "registered: expected yes or no, found maybe"),
         ] {

@@ -128,6 +128,8 @@ pub const CRATES: &[Declared] = &[
             ],
             &["dataset/mod"],
             &["messages"],
+            &["rig"],
+            &["bags"],
             &["http", "stream"],
             &["lib"],
         ],
