@@ -99,3 +99,10 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/mcap/mcap ]; then
   mkdir -p .deps
   pip_install .deps/mcap --only-binary=:all: 'mcap==1.6.0' 'mcap-protobuf-support==0.6.0'
 fi
+
+if [ "${1:-}" = --tests ] && [ ! -d .deps/bags/rosbags ]; then
+  say "installing writers of recordings into .deps/bags"
+  mkdir -p .deps
+  pip_install .deps/bags --only-binary=:all: 'rosbags==0.11.9' 'mcap-ros2-support==0.6.0' \
+    'foxglove-sdk==0.30.3' 'pillow==12.0.0' 'numpy>=2,<3'
+fi

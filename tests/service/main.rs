@@ -24,6 +24,7 @@ mod load;
 mod memory;
 mod outside;
 mod reads;
+mod recordings;
 mod restart;
 mod shutdown;
 mod soak;

@@ -1,8 +1,10 @@
 //! `KIND:PATH` as users write it on the command line, and opening the data set that it names.
 
+use lexsplat_client::bags;
 use lexsplat_client::dataset::{
     Dataset, DatasetError, Folder, FrameRange, Nerfstudio, Replica, SevenScenes, Tum, with_poses,
 };
+use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::Poses;
 use lexsplat_synthetic::{SyntheticDataset, Walk};
 use std::fmt;
@@ -12,8 +14,9 @@ use std::str::FromStr;
 /// Seed of the synthetic room if none is given.
 const DEFAULT_SEED: u64 = 7;
 
-/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH`, `nerfstudio:PATH`, `folder:PATH`, `synthetic` or
-/// `synthetic:SEED`.
+/// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH`, `nerfstudio:PATH`, `folder:PATH`, `mcap:PATH`,
+/// `rosbag2:PATH`, `synthetic` or `synthetic:SEED`. Behind the path of `mcap` and `rosbag2` may be options:
+/// `mcap:PATH?color=/topic&depth=/topic`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DatasetSpec {
     /// A folder in Replica layout.
@@ -26,6 +29,10 @@ pub enum DatasetSpec {
     Nerfstudio(PathBuf),
     /// A folder that `recording.toml` describes.
     Folder(PathBuf),
+    /// An MCAP file, or a folder of them.
+    Mcap(PathBuf, Wanted),
+    /// A bag of ROS 2.
+    Rosbag2(PathBuf, Wanted),
     /// A rendered room; no file is read.
     Synthetic {
         /// Which room.
@@ -38,20 +45,15 @@ pub enum DatasetSpec {
 pub enum SpecError {
     /// Neither a known kind nor a complete specification.
     #[error(
-        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, synthetic or synthetic:SEED, found {found:?}"
+        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, synthetic or synthetic:SEED, found {found:?}"
     )]
     Unknown {
         /// The text that was given.
         found: String,
     },
-    /// A known kind that cannot be read.
-    #[error(
-        "dataset: {kind} is not supported yet; convert it to the replica, tum or 7scenes layout"
-    )]
-    Unsupported {
-        /// The kind.
-        kind: &'static str,
-    },
+    /// Options that are not known.
+    #[error("dataset: {0}")]
+    Options(String),
 }
 
 impl DatasetSpec {
@@ -87,6 +89,8 @@ impl DatasetSpec {
             Self::SevenScenes(path) => Box::new(SevenScenes::open(path)?),
             Self::Nerfstudio(path) => Box::new(Nerfstudio::open(path)?),
             Self::Folder(path) => Box::new(Folder::open(path)?),
+            Self::Mcap(path, wanted) => bags::mcap(path, wanted)?,
+            Self::Rosbag2(path, wanted) => bags::rosbag2(path, wanted)?,
             Self::Synthetic { seed } => {
                 Box::new(SyntheticDataset::of(&Walk { shake_radians, ..Walk::new(*seed) }))
             }
@@ -94,11 +98,31 @@ impl DatasetSpec {
     }
 }
 
-/// The kind of a folder, by the files in it.
+/// The kind of a file by its name, or of a folder by the files in it. Options may follow, see [`DatasetSpec`].
 ///
 /// # Errors
 /// What was looked for, if it is of no known kind.
-pub fn recognised(folder: &Path) -> Result<DatasetSpec, String> {
+pub fn recognised(text: &str) -> Result<DatasetSpec, String> {
+    let (path, wanted) = with_options(text).map_err(|error| error.to_string())?;
+    let is = |path: &Path, kind: &str| path.extension().is_some_and(|found| found == kind);
+    let names = || std::fs::read_dir(&path).into_iter().flatten().flatten();
+    let has = |kind: &str| names().any(|entry| is(&entry.path(), kind));
+    if path.is_file() && is(&path, "mcap") {
+        Ok(DatasetSpec::Mcap(path, wanted))
+    } else if path.is_file() && is(&path, "db3") {
+        Ok(DatasetSpec::Rosbag2(path, wanted))
+    } else {
+        recognised_folder(&path).or_else(|error| match &path {
+            path if path.join("metadata.yaml").is_file() || has("db3") => {
+                Ok(DatasetSpec::Rosbag2(path.clone(), wanted))
+            }
+            path if has("mcap") => Ok(DatasetSpec::Mcap(path.clone(), wanted)),
+            _ => Err(error),
+        })
+    }
+}
+
+fn recognised_folder(folder: &Path) -> Result<DatasetSpec, String> {
     let has = |name: &str| folder.join(name).is_file();
     let is_scene = |name: &std::ffi::OsStr| {
         name.to_str().is_some_and(|name| name.starts_with("frame-") && name.contains(".color."))
@@ -115,7 +139,8 @@ pub fn recognised(folder: &Path) -> Result<DatasetSpec, String> {
         path => {
             return Err(format!(
                 "{}: expected recording.toml (folder), transforms.json (nerfstudio), rgb.txt (tum), results/ \
-                 (replica) or frame-000000.color.jpg (7scenes), found none",
+                 (replica), frame-000000.color.jpg (7scenes), metadata.yaml (rosbag2) or a file of the kind \
+                 .mcap or .db3, found none",
                 path.display()
             ));
         }
@@ -127,6 +152,16 @@ fn path(text: &str) -> PathBuf {
     match (text.strip_prefix("~/"), std::env::home_dir()) {
         (Some(rest), Some(home)) => home.join(rest),
         _ => text.into(),
+    }
+}
+
+/// A path, and options behind a `?`.
+fn with_options(text: &str) -> Result<(PathBuf, Wanted), SpecError> {
+    match text.rsplit_once('?') {
+        Some((before, options)) if options.contains('=') && !Path::new(text).exists() => {
+            Ok((path(before), Wanted::parse(options).map_err(SpecError::Options)?))
+        }
+        _ => Ok((path(text), Wanted::default())),
     }
 }
 
@@ -158,7 +193,12 @@ impl FromStr for DatasetSpec {
             ("synthetic", Some(seed)) => {
                 Ok(Self::Synthetic { seed: seed.parse().map_err(|_| unknown())? })
             }
-            ("mcap", Some(_)) => Err(SpecError::Unsupported { kind: "mcap" }),
+            ("mcap", Some(text)) => {
+                with_options(text).map(|(path, wanted)| Self::Mcap(path, wanted))
+            }
+            ("rosbag2", Some(text)) => {
+                with_options(text).map(|(path, wanted)| Self::Rosbag2(path, wanted))
+            }
             _ => Err(unknown()),
         }
     }
@@ -172,9 +212,16 @@ impl fmt::Display for DatasetSpec {
             Self::SevenScenes(path) => write!(f, "7scenes:{}", path.display()),
             Self::Nerfstudio(path) => write!(f, "nerfstudio:{}", path.display()),
             Self::Folder(path) => write!(f, "folder:{}", path.display()),
+            Self::Mcap(path, wanted) => written(f, "mcap", path, wanted),
+            Self::Rosbag2(path, wanted) => written(f, "rosbag2", path, wanted),
             Self::Synthetic { seed } => write!(f, "synthetic:{seed}"),
         }
     }
+}
+
+fn written(f: &mut fmt::Formatter<'_>, kind: &str, path: &Path, wanted: &Wanted) -> fmt::Result {
+    write!(f, "{kind}:{}", path.display())?;
+    if *wanted == Wanted::default() { Ok(()) } else { write!(f, "?{wanted}") }
 }
 
 #[cfg(test)]
@@ -185,9 +232,17 @@ mod tests {
     #[test]
     fn specs_are_read_and_written() {
         let parse = |text: &str| text.parse::<DatasetSpec>();
-        for text in
-            ["replica:a/b", "tum:a:b", "7scenes:/x", "nerfstudio:p", "folder:q", "synthetic:12"]
-        {
+        for text in [
+            "replica:a/b",
+            "tum:a:b",
+            "7scenes:/x",
+            "nerfstudio:p",
+            "folder:q",
+            "mcap:a.mcap",
+            "mcap:a.mcap?color=/rgb&pose=none",
+            "rosbag2:bag?world=odom&registered=no",
+            "synthetic:12",
+        ] {
             assert_eq!(parse(text).unwrap().to_string(), text);
         }
         assert_eq!(parse("synthetic").unwrap(), DatasetSpec::Synthetic { seed: 7 });
@@ -198,8 +253,12 @@ mod tests {
         let home = std::env::home_dir().unwrap();
         assert_eq!(parse("tum:~/desk").unwrap(), DatasetSpec::Tum(home.join("desk")));
         assert_eq!(parse("tum:a/~/desk").unwrap(), DatasetSpec::Tum("a/~/desk".into()));
-        let error = parse("mcap:a").unwrap_err().to_string();
-        assert!(error.contains("mcap is not supported yet"), "{error}");
+        assert_eq!(
+            parse("mcap:what?").unwrap(),
+            DatasetSpec::Mcap("what?".into(), Wanted::default())
+        );
+        let error = parse("mcap:a?hue=/a").unwrap_err().to_string();
+        assert!(error.starts_with("dataset: expected one of color, depth, info"), "{error}");
     }
 
     #[test]
@@ -209,7 +268,7 @@ mod tests {
         let part = DatasetSpec::Synthetic { seed: 5 }.open(range).unwrap();
         assert_eq!((part.name(), part.len(), part.sequence(1)), ("synthetic-5", 2, 149));
         let missing = tempfile::tempdir().unwrap().path().join("missing");
-        for kind in ["replica", "tum", "7scenes", "nerfstudio", "folder"] {
+        for kind in ["replica", "tum", "7scenes", "nerfstudio", "folder", "mcap", "rosbag2"] {
             let spec: DatasetSpec = format!("{kind}:{}", missing.display()).parse().unwrap();
             let error = spec.open(FrameRange::default()).err().unwrap().to_string();
             assert!(error.contains("cannot read") && error.contains("missing"), "{error}");

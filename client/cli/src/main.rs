@@ -29,7 +29,7 @@ enum Command {
     Ablate(command::ablate::Ablate),
     Bench(command::bench::Bench),
     Demo(command::demo::Demo),
-    Evaluate(command::evaluate::Evaluate),
+    Evaluate(Box<command::evaluate::Evaluate>),
     Export(command::export::Export),
     Inspect(command::inspect::Inspect),
     Maps(command::maps::Maps),

@@ -146,13 +146,14 @@ pub struct Cameras {
 impl From<Intrinsics> for Cameras {
     /// Depth that is registered to color, taken through a lens without distortion.
     fn from(intrinsics: Intrinsics) -> Self {
-        Self {
-            color: intrinsics.into(),
-            depth: None,
-            depth_range_metres: None,
-            no_depth: Vec::new(),
-            up: None,
-        }
+        Self::from(Camera::from(intrinsics))
+    }
+}
+
+impl From<Camera> for Cameras {
+    /// Depth that is registered to color.
+    fn from(color: Camera) -> Self {
+        Self { color, depth: None, depth_range_metres: None, no_depth: Vec::new(), up: None }
     }
 }
 

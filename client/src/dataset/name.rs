@@ -13,7 +13,7 @@ pub(super) fn last_part(folder: &Path) -> Option<String> {
 }
 
 /// The name of a data set: the folder's, with other characters than a map's name may have replaced.
-pub(super) fn of(folder: &Path) -> String {
+pub(crate) fn of(folder: &Path) -> String {
     last_part(folder).map_or_else(|| "dataset".into(), |name| valid(&name))
 }
 

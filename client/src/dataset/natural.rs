@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 /// Compares names so that `frame_9` comes before `frame_10`.
-pub(super) fn natural_order(a: &str, b: &str) -> Ordering {
+pub(crate) fn natural_order(a: &str, b: &str) -> Ordering {
     let (mut a_rest, mut b_rest) = (a, b);
     while let (Some(a_first), Some(b_first)) = (a_rest.chars().next(), b_rest.chars().next()) {
         let (a_digits, b_digits) = (digits(a_rest), digits(b_rest));

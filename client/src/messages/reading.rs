@@ -20,6 +20,26 @@ pub enum Reading<'a> {
     Gravity(Option<Gravity>),
 }
 
+impl Reading<'_> {
+    /// With the time that the message was received, where the sender set none.
+    #[must_use]
+    pub fn received(mut self, nanos: u64) -> Self {
+        let set = |unset: &mut u64| {
+            if *unset == 0 {
+                *unset = nanos;
+            }
+        };
+        match &mut self {
+            Self::Picture(picture) => set(&mut picture.nanos),
+            Self::Transforms(all) => all.iter_mut().for_each(|one| set(&mut one.nanos)),
+            Self::Pose(posed) => set(&mut posed.nanos),
+            Self::Gravity(Some(gravity)) => set(&mut gravity.nanos),
+            Self::Calibration(_) | Self::Gravity(None) => {}
+        }
+        self
+    }
+}
+
 /// The pose of one frame of coordinates in another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transform {

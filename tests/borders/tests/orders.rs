@@ -129,6 +129,8 @@ pub const CRATES: &[Declared] = &[
             ],
             &["dataset/mod"],
             &["messages"],
+            &["rig"],
+            &["bags"],
             &["http", "stream"],
             &["lib"],
         ],

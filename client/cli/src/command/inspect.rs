@@ -12,7 +12,7 @@ use lexsplat_client::stream::Poses;
     after_help = "Examples:\n  lexsplat inspect room0\n  lexsplat inspect tum:fr3_office --json"
 )]
 pub struct Inspect {
-    /// A folder, whose kind is recognised, or KIND:PATH as for `stream`
+    /// A folder or file, whose kind is recognised, or KIND:PATH as for `stream`
     #[arg(value_name = "PATH")]
     recording: String,
     /// Print one line of JSON
@@ -44,7 +44,7 @@ fn spec(text: &str) -> Result<DatasetSpec> {
         Err(error) if text.contains(':') && !std::path::Path::new(text).exists() => {
             Err(error.into())
         }
-        Err(_) => recognised(text.as_ref()).map_err(|reason| anyhow!(reason)),
+        Err(_) => recognised(text).map_err(|reason| anyhow!(reason)),
     }
 }
 
@@ -119,6 +119,10 @@ mod tests {
         let text = folder.path().to_str().unwrap();
         let error = spec(text).unwrap_err().to_string();
         assert!(error.contains("expected recording.toml (folder)"), "{error}");
+        for (name, kind) in [("bag_0.mcap", "mcap"), ("metadata.yaml", "rosbag2")] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+            assert_eq!(spec(text).unwrap().to_string(), format!("{kind}:{text}"));
+        }
         let cases = [
             ("frame-000000.color.png", "7scenes"),
             ("results/frame.jpg", "replica"),
@@ -132,6 +136,10 @@ mod tests {
             std::fs::write(path, "").unwrap();
             assert_eq!(spec(text).unwrap().to_string(), format!("{kind}:{text}"));
         }
+        let file = format!("{text}/bag_0.mcap");
+        assert_eq!(spec(&file).unwrap().to_string(), format!("mcap:{file}"));
+        let wanted = format!("{file}?color=/rgb");
+        assert_eq!(spec(&wanted).unwrap().to_string(), format!("mcap:{wanted}"));
         assert_eq!(spec("tum:desk").unwrap().to_string(), "tum:desk");
         let error = spec("avi:desk").unwrap_err().to_string();
         assert!(error.starts_with("dataset: expected replica:PATH"), "{error}");

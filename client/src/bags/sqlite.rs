@@ -1,0 +1,118 @@
+//! SQLite files of rosbag2: tables `topics` and `messages`. Messages that were compressed one by one with zstd are
+//! decompressed.
+
+use super::store::{Channel, Message, Place, Store};
+use crate::dataset::DatasetError;
+use rusqlite::{Connection, OpenFlags};
+use std::collections::HashMap;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+/// The most bytes of a message.
+const LONGEST: u64 = 1 << 29;
+
+/// A SQLite file of rosbag2.
+pub(super) struct SqliteFile {
+    path: PathBuf,
+    connection: Mutex<Connection>,
+}
+
+impl SqliteFile {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// [`DatasetError`] if it is no such file.
+    pub(super) fn open(path: &Path) -> Result<Self, DatasetError> {
+        let opened = std::fs::File::open(path);
+        opened.map_err(|source| DatasetError::File { path: path.into(), source })?;
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(path, flags);
+        let connection = connection.map_err(|error| failed(path, &error))?;
+        let connection = Mutex::new(connection);
+        Ok(Self { path: path.to_owned(), connection })
+    }
+
+    fn channels(&self, connection: &Connection) -> rusqlite::Result<HashMap<i64, Channel>> {
+        let mut statement =
+            connection.prepare("SELECT id, name, type, serialization_format FROM topics")?;
+        let rows = statement.query_map([], |row| {
+            let (topic, schema, encoding) = (row.get(1)?, row.get(2)?, row.get(3)?);
+            Ok((row.get(0)?, Channel { topic, encoding, schema }))
+        })?;
+        rows.collect()
+    }
+}
+
+fn failed(path: &Path, error: &rusqlite::Error) -> DatasetError {
+    DatasetError::content(path, format!("expected a SQLite file of rosbag2: {error}"))
+}
+
+impl Store for SqliteFile {
+    fn scan(&self, take: &mut dyn FnMut(Message<'_>)) -> Result<Vec<String>, DatasetError> {
+        let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        let channels = self.channels(&connection).map_err(|error| failed(&self.path, &error))?;
+        let all = "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id";
+        let mut statement = connection.prepare(all).map_err(|error| failed(&self.path, &error))?;
+        let mut rows = statement.query([]).map_err(|error| failed(&self.path, &error))?;
+        let mut problems = Vec::new();
+        let (mut last, mut compressed) = (0, Vec::new());
+        loop {
+            let row = match rows.next() {
+                Ok(Some(row)) => row,
+                Ok(None) => break,
+                Err(error) => {
+                    let path = self.path.display();
+                    problems.push(format!("{path}: damaged behind message {last}: {error}"));
+                    break;
+                }
+            };
+            let fields = || -> rusqlite::Result<(i64, i64, i64, &[u8])> {
+                let data = row.get_ref(3)?.as_blob()?;
+                Ok((row.get(0)?, row.get(1)?, row.get(2)?, data))
+            };
+            let Ok((id, topic, nanos, data)) = fields() else {
+                problems
+                    .push(format!("{}: a message behind {last}: left out", self.path.display()));
+                continue;
+            };
+            last = id;
+            let Some(channel) = channels.get(&topic) else { continue };
+            let Some(data) = plain(data, &mut compressed) else {
+                problems.push(format!("{}: message {id}: left out", self.path.display()));
+                continue;
+            };
+            let place = Place { at: id as u64, nth: 0 };
+            let nanos = u64::try_from(nanos).unwrap_or(0);
+            take(Message { channel, nanos, place, data });
+        }
+        Ok(problems)
+    }
+
+    fn read(&self, place: Place) -> Result<Vec<u8>, DatasetError> {
+        let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        let read = || -> rusqlite::Result<Vec<u8>> {
+            let mut statement = connection.prepare("SELECT data FROM messages WHERE id = ?1")?;
+            statement.query_row([place.at as i64], |row| row.get(0))
+        };
+        let data = read().map_err(|error| failed(&self.path, &error))?;
+        let mut compressed = Vec::new();
+        let data = plain(&data, &mut compressed).ok_or_else(|| {
+            let reason = format!("message {}: expected whole zstd", place.at);
+            DatasetError::content(&self.path, reason)
+        })?;
+        Ok(data.to_vec())
+    }
+}
+
+/// A message without compression. No message in CDR begins as zstd does.
+fn plain<'a>(data: &'a [u8], space: &'a mut Vec<u8>) -> Option<&'a [u8]> {
+    if !data.starts_with(ZSTD_MAGIC) {
+        return Some(data);
+    }
+    space.clear();
+    let decoder = zstd::Decoder::with_buffer(data).ok()?;
+    decoder.take(LONGEST).read_to_end(space).ok()?;
+    Some(space)
+}

@@ -1,0 +1,226 @@
+//! The chosen topics as one camera that moves.
+
+use super::cameras;
+use super::choice::{Choice, Chosen};
+use super::error::RigError;
+use super::poses::Poses;
+use super::survey::{Survey, is_fixed, unnamed};
+use super::tree::{Tree, plain};
+use super::wanted::Wanted;
+use crate::dataset::{Cameras, FrameExtras, RgbdFrame};
+use crate::messages::{Gravity, Kind, MessageError, Picture, Reading};
+use nalgebra::{Isometry3, Vector3};
+
+/// Color and depth that are less apart were taken together, nanoseconds.
+const TOGETHER_NANOS: u64 = 1_000_000;
+/// Gravity is the mean of what an IMU measures so much before and after a picture, nanoseconds.
+const STEADY_NANOS: u64 = 250_000_000;
+/// The name of a camera whose pictures name no frame of coordinates.
+const NAMELESS: &str = "camera";
+/// Up in worlds of ROS (REP 103).
+const Z_UP: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// The chosen topics of a robot: cameras, poses, and frames made of pictures.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    color_topic: String,
+    depth_topic: String,
+    /// The color camera's frame of coordinates.
+    camera: String,
+    cameras: Cameras,
+    notes: Vec<String>,
+    tree: Tree,
+    poses: Poses,
+    /// The topic of an IMU, if gravity is taken from it.
+    imu: Option<String>,
+    /// By time.
+    gravity: Vec<Gravity>,
+}
+
+impl Rig {
+    /// Chooses topics by what a survey has seen of them, or as they are wanted.
+    ///
+    /// # Errors
+    /// [`RigError`] if color, depth or a calibration is missing, or what is wanted is not there.
+    pub fn of(survey: &Survey, wanted: &Wanted) -> Result<Self, RigError> {
+        let choice = Choice::of(survey, wanted)?;
+        let mut notes = vec![used("color", &choice.color), used("depth", &choice.depth)];
+        let mut cameras = cameras::of(survey, &choice, wanted, &mut notes)?;
+        let camera = match plain(&choice.color.picture.frame_id) {
+            "" => NAMELESS.to_owned(),
+            frame => frame.to_owned(),
+        };
+        let mut tree = survey.tree.clone();
+        let poses = Poses::choose(survey, &mut tree, &camera, wanted)?;
+        cameras.up = (poses.is_z_up && poses.world.is_ok()).then_some(Z_UP);
+        notes.push(told(&poses, &camera));
+        let imu = if cameras.up.is_some() { None } else { imu(survey, &tree, &camera) };
+        notes.extend(imu.iter().map(|topic| format!("up is taken from {topic}")));
+        let gravity = imu.as_ref().map_or(Vec::new(), |topic| survey.topics[topic].gravity.clone());
+        let used = [choice.color.topic, choice.depth.topic];
+        let pictures =
+            survey.topics.iter().filter(|(_, seen)| seen.decoder.kind() == Kind::Picture);
+        let aside: Vec<&str> = pictures
+            .map(|(topic, _)| topic.as_str())
+            .filter(|topic| !used.contains(topic))
+            .collect();
+        if !aside.is_empty() {
+            notes.push(format!("left aside: {}", aside.join(", ")));
+        }
+        let [color_topic, depth_topic] = used.map(str::to_owned);
+        Ok(Self { color_topic, depth_topic, camera, cameras, notes, tree, poses, imu, gravity })
+    }
+
+    /// The topic of color.
+    pub fn color_topic(&self) -> &str {
+        &self.color_topic
+    }
+
+    /// The topic of depth.
+    pub fn depth_topic(&self) -> &str {
+        &self.depth_topic
+    }
+
+    /// The cameras. Depth of 16 bits is in units of [`DEPTH_UNIT_METRES`](crate::messages::DEPTH_UNIT_METRES).
+    pub fn cameras(&self) -> &Cameras {
+        &self.cameras
+    }
+
+    /// What was chosen and concluded, in words.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Whether poses are known at all.
+    pub fn has_poses(&self) -> bool {
+        self.poses.world.is_ok()
+    }
+
+    /// Takes a later message, of transforms, poses or an IMU; its time is set.
+    pub fn take(&mut self, topic: &str, reading: Reading<'_>) {
+        let topic_of_poses = self.poses.topic.as_ref();
+        let child =
+            topic_of_poses.filter(|(name, _)| name == topic).map(|(_, child)| child.clone());
+        let overridden = topic_of_poses.map(|(_, child)| child.clone());
+        let all = match (reading, child) {
+            (Reading::Transforms(all), _) => all,
+            (Reading::Pose(posed), Some(_)) => vec![unnamed(posed)],
+            (Reading::Gravity(gravity), _) if self.imu.as_deref() == Some(topic) => {
+                return self.gravity.extend(gravity);
+            }
+            _ => return,
+        };
+        let is_of_poses = topic_of_poses.is_some_and(|(name, _)| name == topic);
+        for mut transform in all {
+            if let Some(child) = &overridden {
+                if is_of_poses {
+                    transform.child.clone_from(child);
+                } else if plain(&transform.child) == child {
+                    continue;
+                }
+            }
+            self.tree.add(&transform, is_fixed(topic));
+        }
+    }
+
+    /// Forgets what only earlier pictures need.
+    pub fn forget_before(&mut self, nanos: u64) {
+        self.tree.forget_before(nanos);
+        let from = nanos.saturating_sub(STEADY_NANOS);
+        self.gravity.retain(|gravity| gravity.nanos >= from);
+    }
+
+    /// Whether the pose at a time is known, or messages that are still to come cannot tell it better.
+    pub fn poses_reach(&self, nanos: u64) -> bool {
+        let world = self.poses.world.as_deref();
+        world.map_or(true, |world| self.tree.reaches(world, &self.camera) >= nanos)
+    }
+
+    /// The color camera's pose in the world at a time, nanoseconds.
+    ///
+    /// # Errors
+    /// Why there is none, in words.
+    pub fn pose_at(&self, nanos: u64) -> Result<Isometry3<f64>, String> {
+        let world = self.poses.world.as_ref().map_err(|reason| format!("no poses: {reason}"))?;
+        self.tree.lookup(world, &self.camera, nanos)
+    }
+
+    /// A frame of a color picture and its depth, which were paired. The time is that of color.
+    ///
+    /// # Errors
+    /// [`MessageError`] if a picture is damaged, or has another size than the camera.
+    pub fn frame(
+        &self,
+        sequence: u64,
+        color: &Picture<'_>,
+        depth: &Picture<'_>,
+    ) -> Result<RgbdFrame, MessageError> {
+        let lens = self.cameras.color.intrinsics;
+        check_size("color", color, (lens.width, lens.height))?;
+        check_size("depth", depth, self.cameras.depth_size())?;
+        let is_apart = depth.nanos.abs_diff(color.nanos) > TOGETHER_NANOS;
+        Ok(RgbdFrame {
+            sequence,
+            timestamp_nanos: color.nanos,
+            color: color.color()?,
+            depth: depth.depth()?,
+            world_from_camera: self.pose_at(color.nanos).ok(),
+            extras: FrameExtras {
+                intrinsics: None,
+                depth_timestamp_nanos: is_apart.then_some(depth.nanos),
+                up: self.up_at(color.nanos),
+            },
+        })
+    }
+
+    /// The direction up in the color camera's coordinates, if an IMU tells it.
+    fn up_at(&self, nanos: u64) -> Option<[f64; 3]> {
+        let from = self.gravity.partition_point(|g| g.nanos + STEADY_NANOS < nanos);
+        let near = self.gravity[from..].iter();
+        let near = near.take_while(|gravity| gravity.nanos <= nanos + STEADY_NANOS);
+        let frame_id = &self.gravity.get(from)?.frame_id;
+        let sum: Vector3<f64> = near.map(|gravity| gravity.up).sum();
+        let up = sum.try_normalize(1e-6)?;
+        let camera_from_imu = self.tree.lookup(&self.camera, frame_id, nanos).ok()?;
+        Some((camera_from_imu.rotation * up).into())
+    }
+}
+
+fn check_size(what: &str, picture: &Picture<'_>, expected: (u32, u32)) -> Result<(), MessageError> {
+    let found = picture.size()?;
+    if found == expected {
+        return Ok(());
+    }
+    let ((width, height), (w, h)) = (expected, found);
+    Err(MessageError::Content(format!("{what}: expected {width}x{height} pixels, found {w}x{h}")))
+}
+
+/// The topic of the IMU that the camera is connected with.
+fn imu(survey: &Survey, tree: &Tree, camera: &str) -> Option<String> {
+    let is_connected =
+        |gravity: &Gravity| tree.lookup(camera, &gravity.frame_id, gravity.nanos).is_ok();
+    let mut all = survey.topics.iter();
+    let found = all.find(|(_, seen)| seen.gravity.first().is_some_and(is_connected));
+    found.map(|(topic, _)| topic.clone())
+}
+
+fn used(what: &str, chosen: &Chosen) -> String {
+    let (width, height) = chosen.picture.size;
+    format!("{what} is {} ({width}x{height}, {} messages)", chosen.topic, chosen.messages)
+}
+
+fn told(poses: &Poses, camera: &str) -> String {
+    match (&poses.world, &poses.topic) {
+        (Err(reason), _) => format!("no poses: {reason}"),
+        (Ok(world), None) => format!("poses are those of {camera} in {world} (transforms)"),
+        (Ok(world), Some((topic, child))) if child == camera => {
+            format!(
+                "poses are those of {topic} in {world}, taken as the color camera's; pose_frame=FRAME names \
+                 another frame"
+            )
+        }
+        (Ok(world), Some((topic, child))) => {
+            format!("poses are those of {child} in {world} ({topic}), with {camera} fixed to it")
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Recordings that outside libraries wrote are mapped, and lexsplat's own are mapped again.
+
+use lexsplat_client::Access;
+use lexsplat_client::bags;
+use lexsplat_client::dataset::{Dataset, DatasetError, inspect};
+use lexsplat_client::rig::Wanted;
+use lexsplat_client::stream::{Encoder, Poses, StreamOptions, stream};
+use lexsplat_synthetic as synthetic;
+use lexsplat_tests::{Robot, Server, root, tiny_config};
+use nalgebra::Isometry3;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+const FRAMES: usize = 16;
+const SEED: u64 = 5;
+/// Poses are interpolated between those of the recording; metres and radians of the worst frame: 0.6 mm and
+/// 0.03 degrees were measured.
+const CLOSE: [f64; 2] = [0.003, 0.004];
+
+/// Kind, file or folder, and whether it is a bag of ROS 2.
+const RECORDINGS: [(&str, &str, bool); 5] = [
+    ("db3", "db3", true),
+    ("mcap", "bag", true),
+    ("ros2", "ros2.mcap", false),
+    ("protobuf", "protobuf.mcap", false),
+    ("json", "json.mcap", false),
+];
+
+fn write(room: &Path, out: &Path, kind: &str) {
+    let written = Command::new("python3")
+        .env("PYTHONPATH", root().join(".deps/bags"))
+        .arg(root().join("tests/outside/bags.py"))
+        .args([room, out])
+        .arg(kind)
+        .output()
+        .expect("python3 runs");
+    let complained = String::from_utf8_lossy(&written.stderr);
+    assert!(written.status.success(), "{kind}: {complained} (make test installs what it needs)");
+}
+
+fn open(path: &Path, is_bag: bool, wanted: &str) -> Result<Box<dyn Dataset>, DatasetError> {
+    let wanted = Wanted::parse(wanted).expect("the options are right");
+    if is_bag { bags::rosbag2(path, &wanted) } else { bags::mcap(path, &wanted) }
+}
+
+/// The worst distance in metres and radians between two paths, which begin at the same place.
+fn apart(found: &[Isometry3<f64>], truth: &[Isometry3<f64>]) -> [f64; 2] {
+    let from_first = |path: &[Isometry3<f64>], at: usize| path[0].inverse() * path[at];
+    let differences =
+        (0..found.len()).map(|at| from_first(found, at).inverse() * from_first(truth, at));
+    differences.fold([0.0, 0.0], |[metres, radians], one| {
+        [one.translation.vector.norm().max(metres), one.rotation.angle().max(radians)]
+    })
+}
+
+fn is_close([metres, radians]: [f64; 2]) -> bool {
+    metres < CLOSE[0] && radians < CLOSE[1]
+}
+
+async fn map(server: &Server, dataset: Box<dyn Dataset>, map: &str) -> Vec<Isometry3<f64>> {
+    let options = StreamOptions {
+        grpc: server.grpc.clone(),
+        access: Access::default(),
+        map: map.into(),
+        poses: Poses::Given,
+        encoder: Encoder::Bundle,
+        hold_out_every: None,
+        realtime: false,
+    };
+    let summary = stream(Arc::from(dataset), &options, |_| {}).await.expect("it is streamed");
+    assert_eq!((summary.tracked, summary.left_out), (FRAMES as u64, 0), "{map}: {summary:?}");
+    assert!(summary.input_warnings.is_empty(), "{map}: {:?}", summary.input_warnings);
+    assert!(summary.keyframes.len() > 1, "{map}: {summary:?}");
+    server.settled(map).await;
+    let snapshot = server.engine.map(map).expect("it is there").snapshot();
+    snapshot.trajectory.iter().map(|frame| frame.world_from_camera).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn recordings_of_other_programs_are_mapped() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let room = folder.path().join("room");
+    let camera = synthetic::Camera::new(160, 120);
+    let plan = synthetic::Plan { seed: SEED, frames: FRAMES, every: 1, camera };
+    synthetic::write(&room, &plan, |_| {}).expect("the room can be written");
+    let truth = Robot::with(SEED, FRAMES, camera).poses;
+    let server = Server::start(tiny_config()).await;
+    for (kind, name, is_bag) in RECORDINGS {
+        let path = folder.path().join(name);
+        write(&room, &path, kind);
+        let dataset = open(&path, is_bag, "").unwrap_or_else(|error| panic!("{kind}: {error}"));
+        assert_eq!((dataset.len(), dataset.skipped()), (FRAMES, &[][..]), "{kind}");
+        check(&*dataset, kind);
+        let found = map(&server, dataset, kind).await;
+        let apart = apart(&found, &truth);
+        println!("{kind}: {:.2} mm, {:.3} degrees", apart[0] * 1e3, apart[1].to_degrees());
+        assert!(is_close(apart), "{kind}: {apart:?}");
+    }
+    server.stop().await;
+
+    let wrong = |name: &str, wanted: &str| {
+        let error = open(&folder.path().join(name), true, wanted).err().expect("it is refused");
+        error.to_string()
+    };
+    for (name, wanted, expected) in [
+        ("db3", "color=/nope", "color=/nope: expected a topic with color pictures (/camera/color"),
+        (
+            "db3",
+            "depth=/camera/color/image_raw",
+            "expected a topic with depth pictures (/camera/al",
+        ),
+        ("db3", "world=moon", "world=moon: expected a frame above camera_color_optical_frame ("),
+        ("bag", "info=/odom", "info=/odom: expected a topic with calibrations (/rgb/camera_info"),
+        ("bag", "pose=/nope", "expected none, or a topic with transforms or poses (/odom, /tf"),
+    ] {
+        assert!(wrong(name, wanted).contains(expected), "{}", wrong(name, wanted));
+    }
+    // Negative control: in the robot's own coordinates the camera stands still.
+    let still = open(&folder.path().join("db3"), true, "world=base_link").expect("it is a world");
+    let poses = (0..FRAMES).map(|at| still.moment(at).expect("it is known").world_from_camera);
+    assert!(!is_close(apart(
+        &poses.map(|pose| pose.expect("there is one")).collect::<Vec<_>>(),
+        &truth
+    )));
+}
+
+/// What is special about a recording.
+fn check(dataset: &dyn Dataset, kind: &str) {
+    let notes = dataset.notes().join("\n");
+    let frame = dataset.frame(3).expect("it can be read");
+    match kind {
+        "db3" => {
+            assert!(notes.contains("color is /camera/color/image_raw (160x120"), "{notes}");
+            assert!(notes.contains("depth is registered to color (/camera/aligned"), "{notes}");
+            assert!(notes.contains("left aside: /camera/depth/image_rect_raw, /camera/infra1"));
+            let depth = frame.extras.depth_timestamp_nanos.expect("depth was taken later");
+            assert_eq!(depth - frame.timestamp_nanos, 3_000_000);
+            assert_eq!(dataset.cameras().up, Some([0.0, 0.0, 1.0]));
+        }
+        "mcap" => {
+            assert!(notes.contains("poses are those of base_link in odom (/odom)"), "{notes}");
+            assert_eq!(dataset.cameras().up, Some([0.0, 0.0, 1.0]));
+        }
+        "ros2" | "json" => {
+            assert!(notes.contains("taken as the color camera's"), "{notes}");
+            assert_eq!(dataset.cameras().up, None, "nobody says so");
+        }
+        _ => assert!(notes.contains("poses are those of camera in world"), "{notes}"),
+    }
+    assert!(dataset.cameras().are_registered());
+    if kind != "db3" {
+        assert_eq!(frame.extras.depth_timestamp_nanos, None);
+    }
+}
+
+fn recorded(folder: &Path) -> PathBuf {
+    folder.join("recorded.map/0001.mcap")
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_of_the_server_is_mapped_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let mut config = tiny_config();
+    config.server.data_dir = Some(folder.path().to_owned());
+    let server = Server::start(config).await;
+    let robot = Robot::new(7, FRAMES);
+    server.stream(&robot, "recorded").await;
+    server.stop().await;
+    let dataset = open(&recorded(folder.path()), false, "").expect("it is read");
+    assert_eq!((dataset.len(), dataset.skipped()), (FRAMES, &[][..]));
+    let sent = robot.frame(5);
+    let read = dataset.frame(5).expect("it can be read");
+    assert_eq!((read.sequence, read.timestamp_nanos), (sent.sequence, sent.timestamp_nanos));
+    assert_eq!((&read.color.bytes[..], &read.depth.bytes[..]), (&sent.color[..], &sent.depth[..]));
+    assert_eq!(inspect(&*dataset, |_| ()).readable, FRAMES);
+    let again = Server::start(tiny_config()).await;
+    let found = map(&again, dataset, "again").await;
+    assert!(is_close(apart(&found, &robot.poses)));
+    again.stop().await;
+
+    // A file that ends in the middle of a frame is read up to there, and says so.
+    let whole = std::fs::read(recorded(folder.path())).expect("it is there");
+    let cut = folder.path().join("cut.mcap");
+    std::fs::write(&cut, &whole[..whole.len() * 2 / 3]).expect("it can be written");
+    let cut = open(&cut, false, "").expect("it is read as far as it goes");
+    assert!((4..FRAMES).contains(&cut.len()), "{}", cut.len());
+    assert!(cut.notes().iter().any(|note| note.contains("cut off")), "{:?}", cut.notes());
+}
