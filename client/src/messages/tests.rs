@@ -142,6 +142,9 @@ fn compressed_pictures_stay_as_they_are() {
             _ => assert_eq!(picture.color().unwrap().bytes, bytes),
         }
     }
+    let message = compressed("16UC1; jpeg compressed mono8", &[0xff, 0xd8, 0xff]);
+    let error = picture(image, &message).content().unwrap_err().to_string();
+    assert!(error.contains("publish compressedDepth"), "{error}");
     let message = compressed("webp", b"RIFF");
     assert!(picture(image, &message).content().is_err());
 }
