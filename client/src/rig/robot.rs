@@ -175,9 +175,9 @@ impl Rig {
 
     /// The direction up in the color camera's coordinates, if an IMU tells it.
     fn up_at(&self, nanos: u64) -> Option<[f64; 3]> {
-        let from = self.gravity.partition_point(|g| g.nanos + STEADY_NANOS < nanos);
+        let from = self.gravity.partition_point(|g| g.nanos.saturating_add(STEADY_NANOS) < nanos);
         let near = self.gravity[from..].iter();
-        let near = near.take_while(|gravity| gravity.nanos <= nanos + STEADY_NANOS);
+        let near = near.take_while(|gravity| gravity.nanos <= nanos.saturating_add(STEADY_NANOS));
         let frame_id = &self.gravity.get(from)?.frame_id;
         let sum: Vector3<f64> = near.map(|gravity| gravity.up).sum();
         let up = sum.try_normalize(1e-6)?;

@@ -171,6 +171,9 @@ fn what_is_missing_is_told() {
         assert!(error.to_string().contains(expected), "{error}");
     };
     missing(&survey, "a topic with color pictures, found no topic that can be read");
+    pictures(&mut survey, "/nothing", raw("rgb8", "color", (0, 0)));
+    missing(&survey, "found /nothing (sensor_msgs/msg/Image: it has no pixels)");
+    survey = Survey::default();
     pictures(&mut survey, "/rgb", raw("rgb8", "color", BIG));
     missing(
         &survey,
