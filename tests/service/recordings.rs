@@ -215,9 +215,20 @@ async fn a_depth_camera_of_its_own_is_mapped() {
     let difference = found.inverse() * color_from_depth();
     assert!(difference.translation.vector.norm() < 1e-9 && difference.rotation.angle() < 1e-9);
 
-    let server = Server::start(tiny_config()).await;
+    let mut config = tiny_config();
+    config.server.data_dir = Some(folder.path().join("data"));
+    let server = Server::start(config).await;
     let given = map(&server, dataset, "given", Poses::Given).await;
     assert!(is_close(apart(&given, &walk.poses)));
+    // What the server recorded is the same again, cameras too.
+    let (sent, recorded) = (open(&path, true, ""), folder.path().join("data/given.map/0001.mcap"));
+    let (sent, recorded) = (sent.expect("it is read"), open(&recorded, false, ""));
+    let recorded = recorded.expect("it is read");
+    assert_eq!((recorded.len(), recorded.cameras()), (FRAMES, sent.cameras()));
+    let frame = |dataset: &dyn Dataset| dataset.frame(3).expect("it can be read");
+    let [sent, found] = [&sent, &recorded].map(|one| frame(&**one));
+    assert_eq!((&sent.color, &sent.depth), (&found.color, &found.depth));
+    assert_eq!((sent.timestamp_nanos, sent.extras), (found.timestamp_nanos, found.extras));
     let mut errors = Vec::new();
     for (name, wanted) in [("estimated", ""), (WRONG, "registered=yes")] {
         let dataset = open(&path, true, wanted).expect("it is read");
