@@ -6,6 +6,7 @@
 //! talks to a server.
 
 mod against;
+mod decoded;
 mod described;
 mod error;
 mod files;

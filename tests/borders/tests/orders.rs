@@ -109,7 +109,7 @@ pub const CRATES: &[Declared] = &[
         levels: &[
             &["access", "npy"],
             &["dataset/error", "dataset/frame", "dataset/name", "dataset/natural", "dataset/text"],
-            &["dataset/truth"],
+            &["dataset/decoded", "dataset/truth"],
             &["dataset/source"],
             &["dataset/layer"],
             &["dataset/against", "dataset/part"],
