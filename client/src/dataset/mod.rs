@@ -6,6 +6,7 @@
 //! talks to a server.
 
 mod against;
+mod capture;
 mod described;
 mod error;
 mod files;
@@ -22,9 +23,11 @@ mod part;
 mod pose;
 mod posed;
 mod prepare;
+mod r3d;
 mod range;
 mod recording;
 mod replica;
+mod scannet;
 mod seven_scenes;
 mod source;
 mod text;
@@ -48,8 +51,10 @@ pub(crate) use name::of as name_of;
 pub(crate) use natural::natural_order;
 pub use nerfstudio::Nerfstudio;
 pub use posed::with_poses;
+pub use r3d::R3d;
 pub use range::FrameRange;
 pub use replica::Replica;
+pub use scannet::ScanNet;
 pub use seven_scenes::SevenScenes;
 pub use source::Dataset;
 pub use truth::{Instance, Mask, Truth};
