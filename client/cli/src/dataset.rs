@@ -2,7 +2,8 @@
 
 use lexsplat_client::bags;
 use lexsplat_client::dataset::{
-    Dataset, DatasetError, Folder, FrameRange, Nerfstudio, Replica, SevenScenes, Tum, with_poses,
+    Dataset, DatasetError, Folder, FrameRange, Nerfstudio, R3d, Replica, ScanNet, SevenScenes, Tum,
+    with_poses,
 };
 use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::Poses;
@@ -15,8 +16,8 @@ use std::str::FromStr;
 const DEFAULT_SEED: u64 = 7;
 
 /// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH`, `nerfstudio:PATH`, `folder:PATH`, `mcap:PATH`,
-/// `rosbag2:PATH`, `synthetic` or `synthetic:SEED`. Behind the path of `mcap` and `rosbag2` may be options:
-/// `mcap:PATH?color=/topic&depth=/topic`.
+/// `rosbag2:PATH`, `r3d:FILE`, `scannet:FILE`, `synthetic` or `synthetic:SEED`. Behind the path of `mcap` and
+/// `rosbag2` may be options: `mcap:PATH?color=/topic&depth=/topic`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DatasetSpec {
     /// A folder in Replica layout.
@@ -29,6 +30,10 @@ pub enum DatasetSpec {
     Nerfstudio(PathBuf),
     /// A folder that `recording.toml` describes.
     Folder(PathBuf),
+    /// A `.r3d` file of Record3D.
+    R3d(PathBuf),
+    /// A `.sens` file of ScanNet.
+    ScanNet(PathBuf),
     /// An MCAP file, or a folder of them.
     Mcap(PathBuf, Box<Wanted>),
     /// A bag of ROS 2.
@@ -45,7 +50,7 @@ pub enum DatasetSpec {
 pub enum SpecError {
     /// Neither a known kind nor a complete specification.
     #[error(
-        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, synthetic or synthetic:SEED, found {found:?}"
+        "dataset: expected replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, r3d:FILE, scannet:FILE, synthetic or synthetic:SEED, found {found:?}"
     )]
     Unknown {
         /// The text that was given.
@@ -89,6 +94,8 @@ impl DatasetSpec {
             Self::SevenScenes(path) => Box::new(SevenScenes::open(path)?),
             Self::Nerfstudio(path) => Box::new(Nerfstudio::open(path)?),
             Self::Folder(path) => Box::new(Folder::open(path)?),
+            Self::R3d(path) => Box::new(R3d::open(path)?),
+            Self::ScanNet(path) => Box::new(ScanNet::open(path)?),
             Self::Mcap(path, wanted) => bags::mcap(path, wanted)?,
             Self::Rosbag2(path, wanted) => bags::rosbag2(path, wanted)?,
             Self::Synthetic { seed } => {
@@ -104,7 +111,9 @@ impl DatasetSpec {
 /// What was looked for, if it is of no known kind.
 pub fn recognised(text: &str) -> Result<DatasetSpec, String> {
     let (path, wanted) = with_options(text).map_err(|error| error.to_string())?;
-    let is = |path: &Path, kind: &str| path.extension().is_some_and(|found| found == kind);
+    let is = |path: &Path, kind: &str| {
+        path.extension().is_some_and(|found| found.eq_ignore_ascii_case(kind))
+    };
     let names = || std::fs::read_dir(&path).into_iter().flatten().flatten();
     let has = |kind: &str| names().any(|entry| is(&entry.path(), kind));
     if path.is_file() && is(&path, "bag") {
@@ -117,6 +126,10 @@ pub fn recognised(text: &str) -> Result<DatasetSpec, String> {
         Ok(DatasetSpec::Mcap(path, wanted))
     } else if path.is_file() && is(&path, "db3") {
         Ok(DatasetSpec::Rosbag2(path, wanted))
+    } else if path.is_file() && is(&path, "r3d") {
+        Ok(DatasetSpec::R3d(path))
+    } else if path.is_file() && is(&path, "sens") {
+        Ok(DatasetSpec::ScanNet(path))
     } else {
         recognised_folder(&path).or_else(|error| match &path {
             path if path.join("metadata.yaml").is_file() || has("db3") => {
@@ -195,6 +208,8 @@ impl FromStr for DatasetSpec {
             ("7scenes", Some(text)) => Ok(Self::SevenScenes(path(text))),
             ("nerfstudio", Some(text)) => Ok(Self::Nerfstudio(path(text))),
             ("folder", Some(text)) => Ok(Self::Folder(path(text))),
+            ("r3d", Some(text)) => Ok(Self::R3d(path(text))),
+            ("scannet", Some(text)) => Ok(Self::ScanNet(path(text))),
             ("synthetic", None) => Ok(Self::Synthetic { seed: DEFAULT_SEED }),
             ("synthetic", Some(seed)) => {
                 Ok(Self::Synthetic { seed: seed.parse().map_err(|_| unknown())? })
@@ -218,6 +233,8 @@ impl fmt::Display for DatasetSpec {
             Self::SevenScenes(path) => write!(f, "7scenes:{}", path.display()),
             Self::Nerfstudio(path) => write!(f, "nerfstudio:{}", path.display()),
             Self::Folder(path) => write!(f, "folder:{}", path.display()),
+            Self::R3d(path) => write!(f, "r3d:{}", path.display()),
+            Self::ScanNet(path) => write!(f, "scannet:{}", path.display()),
             Self::Mcap(path, wanted) => written(f, "mcap", path, wanted),
             Self::Rosbag2(path, wanted) => written(f, "rosbag2", path, wanted),
             Self::Synthetic { seed } => write!(f, "synthetic:{seed}"),
@@ -244,6 +261,8 @@ mod tests {
             "7scenes:/x",
             "nerfstudio:p",
             "folder:q",
+            "r3d:a.r3d",
+            "scannet:a.sens",
             "mcap:a.mcap",
             "mcap:a.mcap?color=/rgb&pose=none",
             "rosbag2:bag?world=odom&registered=no",
@@ -252,7 +271,7 @@ mod tests {
             assert_eq!(parse(text).unwrap().to_string(), text);
         }
         assert_eq!(parse("synthetic").unwrap(), DatasetSpec::Synthetic { seed: 7 });
-        for text in ["", "replica", "replica:", "synthetic:x", "scannet:a", "7scene:a"] {
+        for text in ["", "replica", "replica:", "synthetic:x", "scan:a", "7scene:a"] {
             let error = parse(text).unwrap_err().to_string();
             assert!(error.starts_with("dataset: expected replica:PATH"), "{text}: {error}");
         }
@@ -271,7 +290,17 @@ mod tests {
         let part = DatasetSpec::Synthetic { seed: 5 }.open(range).unwrap();
         assert_eq!((part.name(), part.len(), part.sequence(1)), ("synthetic-5", 2, 149));
         let missing = tempfile::tempdir().unwrap().path().join("missing");
-        for kind in ["replica", "tum", "7scenes", "nerfstudio", "folder", "mcap", "rosbag2"] {
+        for kind in [
+            "replica",
+            "tum",
+            "7scenes",
+            "nerfstudio",
+            "folder",
+            "mcap",
+            "rosbag2",
+            "r3d",
+            "scannet",
+        ] {
             let spec: DatasetSpec = format!("{kind}:{}", missing.display()).parse().unwrap();
             let error = spec.open(FrameRange::default()).err().unwrap().to_string();
             assert!(error.contains("cannot read") && error.contains("missing"), "{error}");

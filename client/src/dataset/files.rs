@@ -4,6 +4,8 @@ use super::error::DatasetError;
 use super::frame::{Color, ColorFormat};
 use super::text;
 use std::fmt;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 /// Columns and rows of an image.
@@ -37,11 +39,19 @@ pub(super) fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, Dat
 /// The size in an image's header.
 pub(super) fn size(path: &Path) -> Result<Size, DatasetError> {
     let failed = |source| DatasetError::File { path: path.into(), source };
-    let reader = image::ImageReader::open(path).map_err(failed)?;
-    let reader = reader.with_guessed_format().map_err(failed)?;
-    let (width, height) = reader
-        .into_dimensions()
-        .map_err(|source| DatasetError::Picture { path: path.into(), source })?;
+    let file = BufReader::new(File::open(path).map_err(failed)?);
+    size_of(file).map_err(|source| DatasetError::Picture { path: path.into(), source })
+}
+
+/// The size in the header of an image in memory.
+pub(super) fn encoded_size(bytes: &[u8]) -> Result<Size, String> {
+    let size = size_of(Cursor::new(bytes));
+    size.map_err(|error| format!("expected a picture that can be decoded: {error}"))
+}
+
+fn size_of(source: impl BufRead + Seek) -> Result<Size, image::ImageError> {
+    let reader = image::ImageReader::new(source).with_guessed_format()?;
+    let (width, height) = reader.into_dimensions()?;
     Ok(Size { width, height })
 }
 

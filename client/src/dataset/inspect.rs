@@ -1,12 +1,12 @@
 //! What a data set holds, and what is wrong with it.
 
+use super::files;
 use super::frame::{
     Camera, Cameras, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, Intrinsics,
     RgbdFrame,
 };
 use super::source::Dataset;
 use serde::Serialize;
-use std::io::Cursor;
 
 /// Problems of one kind that are listed one by one.
 const LISTED: usize = 5;
@@ -14,6 +14,8 @@ const LISTED: usize = 5;
 const SAMPLES: usize = 9;
 /// A camera that is carried does not move faster, metres per second.
 const FASTEST: f64 = 5.0;
+/// How far a principal point may be from the middle, of the picture's side.
+const FARTHEST_CENTRE: f64 = 0.2;
 /// Median depths of rooms and streets, metres.
 const USUAL_METRES: std::ops::RangeInclusive<f64> = 0.15..=30.0;
 
@@ -311,6 +313,7 @@ impl<'a> Look<'a> {
         problems.extend(self.disordered.told("frames whose time is not later"));
         problems.extend(self.fast.told("jumps"));
         problems.extend(depth_problem(depth, self.readable));
+        problems.extend(lens_problem(&self.cameras.color.intrinsics));
         let last = self.before.map_or(0, |(nanos, _)| nanos);
         let seconds = last.saturating_sub(self.first_nanos.unwrap_or(last)) as f64 / 1e9;
         Inspection {
@@ -349,6 +352,18 @@ impl<'a> Look<'a> {
     }
 }
 
+/// A principal point that is not near the middle belongs to pictures of another size, or on their side.
+fn lens_problem(camera: &Intrinsics) -> Option<String> {
+    let Intrinsics { width, height, cx, cy, .. } = *camera;
+    let off = |centre: f64, side: u32| (centre / f64::from(side) - 0.5).abs() > FARTHEST_CENTRE;
+    (off(cx, width) || off(cy, height)).then(|| {
+        format!(
+            "the principal point {cx} {cy} is far from the middle of {width}x{height} pixels: is the camera \
+             that of pictures of this size?"
+        )
+    })
+}
+
 fn depth_problem(depth: Option<DepthSeen>, readable: usize) -> Option<String> {
     match depth {
         None if readable > 0 => Some("no frame that was looked at has depth".into()),
@@ -363,10 +378,10 @@ fn depth_problem(depth: Option<DepthSeen>, readable: usize) -> Option<String> {
 
 /// Refuses an encoded picture of another size.
 fn check_size(bytes: &[u8], (width, height): (u32, u32)) -> Result<(), String> {
-    let (columns, rows) = dimensions(bytes)?;
-    match (columns, rows) == (width, height) {
+    let found = files::encoded_size(bytes)?;
+    match (found.width, found.height) == (width, height) {
         true => Ok(()),
-        false => Err(format!("expected {width}x{height} pixels, found {columns}x{rows}")),
+        false => Err(format!("expected {width}x{height} pixels, found {found}")),
     }
 }
 
@@ -380,12 +395,4 @@ fn check_length(bytes: &[u8], (width, height): (u32, u32), each: usize) -> Resul
             bytes.len()
         )),
     }
-}
-
-/// Columns and rows in a picture's header.
-fn dimensions(bytes: &[u8]) -> Result<(u32, u32), String> {
-    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let size =
-        reader.map_err(image::ImageError::IoError).and_then(image::ImageReader::into_dimensions);
-    size.map_err(|error| format!("expected a picture that can be decoded: {error}"))
 }

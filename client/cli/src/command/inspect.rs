@@ -130,6 +130,13 @@ mod tests {
             ("transforms.json", "nerfstudio"),
             ("recording.toml", "folder"),
         ];
+        for (name, kind) in [("a.r3d", "r3d"), ("a.SENS", "scannet")] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "").unwrap();
+            let found = spec(path.to_str().unwrap()).unwrap().to_string();
+            assert_eq!(found, format!("{kind}:{}", path.display()));
+            std::fs::remove_file(path).unwrap();
+        }
         for (name, kind) in cases {
             let path = folder.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -5,13 +5,13 @@ use crate::dataset::{DepthCamera, Inspection, inspect};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 /// Places of three frames: the camera goes right and turns right.
-fn pose_of(number: usize) -> Isometry3<f64> {
+pub(super) fn pose_of(number: usize) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.1 * number as f64);
     Isometry3::from_parts(Vector3::new(0.1 * number as f64, 0.5, -1.0).into(), turn)
 }
 
 /// Rows of a matrix whose camera axes are x right, y up, z back: the second and third column are negated.
-fn opengl_rows(pose: &Isometry3<f64>) -> Vec<Vec<f64>> {
+pub(super) fn opengl_rows(pose: &Isometry3<f64>) -> Vec<Vec<f64>> {
     let matrix = pose.to_homogeneous();
     let sign = |column: usize| if column == 1 || column == 2 { -1.0 } else { 1.0 };
     (0..4).map(|row| (0..4).map(|column| sign(column) * matrix[(row, column)]).collect()).collect()

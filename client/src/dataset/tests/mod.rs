@@ -2,13 +2,14 @@
 
 mod against;
 mod cameras;
+mod captures;
 mod formats;
 pub(crate) mod mutations;
 mod wild;
 
 use crate::dataset::{
     ColorFormat, Dataset, DatasetError, Depth, Distortion, Folder, FrameRange, Intrinsics,
-    Nerfstudio, Replica, RgbdFrame, SevenScenes, Tum, with_poses,
+    Nerfstudio, R3d, Replica, RgbdFrame, ScanNet, SevenScenes, Tum, with_poses,
 };
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use nalgebra::Isometry3;
@@ -53,6 +54,8 @@ fn open(kind: &str, folder: &Path) -> Result<Box<dyn Dataset>, DatasetError> {
         "7scenes" => Box::new(SevenScenes::open(folder)?),
         "nerfstudio" => Box::new(Nerfstudio::open(folder)?),
         "folder" => Box::new(Folder::open(folder)?),
+        "r3d" => Box::new(R3d::open(folder)?),
+        "scannet" => Box::new(ScanNet::open(folder)?),
         other => panic!("no reader for {other}"),
     })
 }

@@ -1,7 +1,7 @@
 //! Data sets of which one file was damaged at random: they are read or refused, and nothing panics.
 
 use super::formats::{nerfstudio, with_table};
-use super::{cameras, open, replica, seven_scenes, tum};
+use super::{cameras, captures, open, replica, seven_scenes, tum};
 use crate::dataset::{Dataset, inspect};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -58,7 +58,7 @@ fn is_readable(dataset: &dyn Dataset) -> bool {
 }
 
 fn damage(kind: &str, folder: &Path) {
-    let files = files(folder);
+    let files = if folder.is_file() { vec![folder.to_path_buf()] } else { files(folder) };
     let mut random = ChaCha8Rng::seed_from_u64(22);
     let (mut read, mut refused) = (0, 0);
     for number in 0..mutations(400) {
@@ -92,4 +92,6 @@ fn damaged_data_sets_are_read_or_refused() {
     damage("nerfstudio", nerfstudio(|_| ()).path());
     damage("folder", with_table("[poses]\nfiles = \"pose/*.txt\"").path());
     damage("folder", cameras::phone().path());
+    damage("r3d", &captures::alone("r3d").path().join("kitchen.r3d"));
+    damage("scannet", &captures::alone("scannet").path().join("scene0000_00.sens"));
 }
