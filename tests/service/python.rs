@@ -3,13 +3,49 @@
 
 use lexsplat_server::access::{Scope, issue};
 use lexsplat_server::config::TlsConfig;
-use lexsplat_synthetic::{Camera, Plan, write};
+use lexsplat_synthetic::{Camera, Plan, Room, View, depth_png, jpeg, write};
 use lexsplat_tests::{Authority, Server, root, tiny_config};
+use nalgebra::{Isometry3, Vector3};
+use serde_json::json;
 use std::path::Path;
 use std::process::Command;
 
 /// Where `deploy/setup.sh --tests` installs what the package needs.
 const DEPENDENCIES: &str = ".deps/client";
+
+/// The room, and the walk through it.
+const PLAN: Plan = Plan { seed: 5, frames: 48, every: 4, camera: COLOR };
+/// Color, and depth that is registered to it.
+const COLOR: Camera = Camera { width: 160, height: 120, fx: 114.0, fy: 114.0, cx: 79.5, cy: 59.5 };
+/// Depth of a camera of its own.
+const DEPTH: Camera = Camera { width: 144, height: 128, fx: 96.0, fy: 97.0, cx: 70.0, cy: 65.0 };
+/// Depth that a phone takes through color's lens: pixel edges stay edges.
+const PHONE: Camera = Camera { width: 80, height: 60, fx: 57.0, fy: 57.0, cx: 39.5, cy: 29.5 };
+
+/// Writes what devices see on the walk: depth of a camera 5 cm beside color's, and depth of a phone.
+fn write_device(folder: &Path) {
+    let turn = Vector3::y() * 2.0_f64.to_radians();
+    let color_from_depth = Isometry3::new(Vector3::new(0.05, 0.004, -0.003), turn);
+    let list = |c: Camera| json!([c.width, c.height, c.fx, c.fy, c.cx, c.cy]);
+    let calibration = json!({
+        "color": list(COLOR),
+        "depth": list(DEPTH),
+        "phone": list(PHONE),
+        "color_from_depth": color_from_depth.to_homogeneous().transpose().as_slice(),
+    });
+    std::fs::create_dir(folder).expect("it can be made");
+    std::fs::write(folder.join("calibration.json"), calibration.to_string()).expect("disk");
+    let room = Room::new(PLAN.seed);
+    for (at, pose) in room.path(PLAN.frames).iter().step_by(PLAN.every).enumerate() {
+        let save = |name: &str, bytes: Vec<u8>| {
+            std::fs::write(folder.join(format!("{name}{at:06}")), bytes).expect("disk");
+        };
+        let depth = |view: &View| depth_png(view).expect("it encodes");
+        save("color", jpeg(&room.render(&COLOR, pose)).expect("it encodes"));
+        save("depth", depth(&room.render(&DEPTH, &(pose * color_from_depth))));
+        save("phone", depth(&room.render(&PHONE, pose)));
+    }
+}
 
 /// Builds the wheel as a user's pip does, and installs it into an empty folder.
 fn install(folder: &Path) {
@@ -39,9 +75,9 @@ async fn the_python_client_passes_its_tests() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let folder = folder.path();
     install(folder);
-    let room = folder.join("room");
-    let plan = Plan { seed: 5, frames: 48, every: 4, camera: Camera::new(160, 120) };
-    write(&room, &plan, |_| {}).expect("the room can be written");
+    let (room, device) = (folder.join("room"), folder.join("device"));
+    write(&room, &PLAN, |_| {}).expect("the room can be written");
+    write_device(&device);
 
     let mut config = tiny_config();
     config.server.data_dir = Some(folder.join("data"));
@@ -72,6 +108,7 @@ async fn the_python_client_passes_its_tests() {
         .env_remove("LEXSPLAT_TOKEN")
         .env_remove("LEXSPLAT_CA")
         .env("LEXSPLAT_TEST_ROOM", &room)
+        .env("LEXSPLAT_TEST_DEVICE", &device)
         .env("LEXSPLAT_TEST_GRPC", &open.grpc)
         .env("LEXSPLAT_TEST_GUARDED", &guarded.grpc)
         .env("LEXSPLAT_TEST_TOKEN", &*token)
