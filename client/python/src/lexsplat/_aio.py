@@ -87,8 +87,13 @@ class AsyncMap:
     """A map on a server, for asyncio."""
 
     def __init__(self, connection: Connection, name: str):
-        self.name = name
+        self._name = name
         self._connection = connection
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self._name
 
     def open(
         self,
