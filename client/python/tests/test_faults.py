@@ -114,7 +114,8 @@ def test_a_failure_of_the_server_ends_the_stream_with_its_reason():
         next(messages)
         context.abort(grpc.StatusCode.INTERNAL, "the server cannot write: no space left")
 
-    with serve(Scripted(fails)) as address, lexsplat.Client(address) as client:
+    # If the client is just sending, it learns only that the call ended, and asks again.
+    with serve(Scripted(*[fails] * 20)) as address, lexsplat.Client(address) as client:
         kitchen = client.map("kitchen")
         with pytest.raises(lexsplat.ServerError, match="no space left"):
             kitchen.stream(frames(9), CAMERA)

@@ -46,7 +46,7 @@ class Camera:
         distortion: How the lens bends: "plumb_bob" (also "rational_polynomial", "brown_conrady") or
             "equidistant" (also "fisheye", "kannala_brandt"). None: not at all.
         coefficients: In OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6, of which there are 4, 5, 8 or more
-            whose rest is 0; for a fisheye k1 k2 k3 k4.
+            whose rest is 0; for a fisheye k1 k2 k3 k4. Without any, the lens is straight.
 
     Raises:
         CameraError: A value is impossible.
@@ -130,7 +130,7 @@ class Camera:
         )
 
     def _wire_distortion(self) -> v1.Distortion | None:
-        if self.distortion is None:
+        if self.distortion is None or not self.coefficients:
             return None
         return v1.Distortion(model=_MODELS[self.distortion], coefficients=self.coefficients)
 
