@@ -4,7 +4,7 @@
 use lexsplat_server::access::{Scope, issue};
 use lexsplat_server::config::TlsConfig;
 use lexsplat_synthetic::{Camera, Plan, Room, View, depth_png, jpeg, write};
-use lexsplat_tests::{Authority, Server, root, tiny_config};
+use lexsplat_tests::{Authority, Server, program, root, tiny_config};
 use nalgebra::{Isometry3, Vector3};
 use serde_json::json;
 use std::path::Path;
@@ -109,6 +109,7 @@ async fn the_python_client_passes_its_tests() {
         .env_remove("LEXSPLAT_CA")
         .env("LEXSPLAT_TEST_ROOM", &room)
         .env("LEXSPLAT_TEST_DEVICE", &device)
+        .env("LEXSPLAT_TEST_PROGRAM", program("lexsplat-server"))
         .env("LEXSPLAT_TEST_GRPC", &open.grpc)
         .env("LEXSPLAT_TEST_GUARDED", &guarded.grpc)
         .env("LEXSPLAT_TEST_TOKEN", &*token)

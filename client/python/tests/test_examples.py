@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import Room, setting
+from conftest import Room
 
 HERE = Path(__file__).resolve().parent
 FRAMES = 8
@@ -75,4 +75,3 @@ def test_devices(client, address: str, room: Room, example: str):
 def test_every_example_is_run():
     files = {path.stem for path in (HERE.parent / "examples").glob("*.py")}
     assert files == {"ten_lines", "realsense", "oakd", "azure_kinect", "record3d_live"}
-    assert setting("DEVICE")

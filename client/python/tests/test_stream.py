@@ -15,8 +15,8 @@ def test_arrays_become_a_map_and_each_frame_is_acknowledged(new_map, room: Room)
         room.frames(6), room.camera, poses="given", depth_unit=room.depth_unit, on_frame=seen.append
     )
     assert [result.sequence for result in seen] == list(range(6))
-    assert summary.results == seen
-    assert (summary.tracked, summary.lost, summary.refused) == (6, 0, [])
+    assert list(summary.results) == seen
+    assert (summary.frames, summary.tracked, summary.lost, summary.refusals) == (6, 6, 0, 0)
     assert seen[0].keyframe and summary.keyframes >= 1
     for number, result in enumerate(seen):
         np.testing.assert_allclose(result.pose, room.poses[number], atol=1e-6)

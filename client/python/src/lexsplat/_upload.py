@@ -28,6 +28,8 @@ from lexsplat.v1 import lexsplat_pb2 as v1
 
 # Frames that are kept until they are acknowledged. Without compression one has 1.5 MB at 640x480.
 IN_FLIGHT = 32
+# Results that a summary keeps: a robot that drives all day has millions.
+RESULTS_KEPT = 10_000
 # How long a map that is opened may have another sender, whose end the server has not noticed yet.
 OPENING_SECONDS = 5.0
 
@@ -91,36 +93,38 @@ class Summary:
     """What became of a stream.
 
     Attributes:
-        results: What became of each frame, in order.
+        frames: Frames that were sent and answered.
+        tracked: Of these, those with a pose.
+        lost: Those without a pose.
+        refusals: Those that did not pass the checks.
+        keyframes: Those whose images the map keeps.
         skipped: Frames that were not sent, because the map had their sequence numbers already.
+        results: What became of each frame, in order; of long streams, of the newest 10,000.
+        refused: The same for frames that did not pass the checks, with field and reason.
     """
 
-    results: list[FrameResult] = field(default_factory=list)
+    frames: int = 0
+    tracked: int = 0
+    lost: int = 0
+    refusals: int = 0
+    keyframes: int = 0
     skipped: int = 0
+    results: deque[FrameResult] = field(default_factory=lambda: deque(maxlen=RESULTS_KEPT))
+    refused: deque[FrameResult] = field(default_factory=lambda: deque(maxlen=RESULTS_KEPT))
 
-    @property
-    def tracked(self) -> int:
-        """Frames with a pose."""
-        return sum(result.status in ("tracked", "relocalised") for result in self.results)
-
-    @property
-    def lost(self) -> int:
-        """Frames without a pose."""
-        return sum(result.status == "lost" for result in self.results)
-
-    @property
-    def refused(self) -> list[FrameResult]:
-        """Frames that did not pass the checks, with field and reason."""
-        return [result for result in self.results if result.status == "refused"]
-
-    @property
-    def keyframes(self) -> int:
-        """Frames whose images the map keeps."""
-        return sum(result.keyframe for result in self.results)
+    def _count(self, result: FrameResult) -> None:
+        self.frames += 1
+        self.tracked += result.status in ("tracked", "relocalised")
+        self.lost += result.status == "lost"
+        self.keyframes += result.keyframe
+        self.results.append(result)
+        if result.status == "refused":
+            self.refusals += 1
+            self.refused.append(result)
 
     def __str__(self) -> str:
-        text = f"{len(self.results)} frames: {self.tracked} tracked, {self.lost} lost"
-        text += f", {len(self.refused)} refused, {self.keyframes} keyframes"
+        text = f"{self.frames} frames: {self.tracked} tracked, {self.lost} lost"
+        text += f", {self.refusals} refused, {self.keyframes} keyframes"
         return text + (f"; {self.skipped} were in the map already" if self.skipped else "")
 
 
@@ -220,7 +224,7 @@ class Upload:
             if isinstance(told, Warning):
                 warnings.warn(told, stacklevel=4)
                 continue
-            self.summary.results.append(told)
+            self.summary._count(told)
             if told.status == "refused":
                 reason = f"{told.refused_field}: {told.refused_reason}"
                 LOG.warning("frame %d was refused: %s", told.sequence, reason)
