@@ -231,8 +231,13 @@ def _of_map(wire: v1.QueryResponse) -> dict[str, Any]:
     return {"revision": wire.revision, "through": through, "settled": wire.settled}
 
 
+def _floats(values: Any) -> Floats:
+    # Twice as fast as numpy.array.
+    return np.fromiter(values, np.float32, len(values))
+
+
 def _rows(values: Any) -> Floats:
-    return np.array(values, dtype=np.float32).reshape(-1, 4)
+    return _floats(values).reshape(-1, 4)
 
 
 def _bytes(data: bytes) -> Bytes:
@@ -240,7 +245,7 @@ def _bytes(data: bytes) -> Bytes:
 
 
 def _heatmap(wire: v1.Heatmap) -> Floats:
-    return np.array(wire.values, dtype=np.float32).reshape(wire.height, wire.width)
+    return _floats(wire.values).reshape(wire.height, wire.width)
 
 
 def _mask(wire: v1.Mask) -> npt.NDArray[np.bool_]:
