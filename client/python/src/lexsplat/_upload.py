@@ -155,6 +155,7 @@ class Upload:
         # Of the connection in use. The messages of an older one come to their end.
         self._opened = asyncio.Event()
         self._running: asyncio.Task[None] | None = None
+        self._telling: asyncio.Future[None] | None = None
 
     async def open(self) -> None:
         """Opens the map; waits while the server loads it.
@@ -163,6 +164,8 @@ class Upload:
             LexsplatError: The server refused, or there is none.
         """
         self._running = asyncio.create_task(self._run())
+        # Whoever waits looks at how the task ended, so it is told afterwards.
+        self._running.add_done_callback(self._ended)
         await self._until(lambda: self._is_open)
 
     def encode(self, frame: Frame) -> v1.Frame | None:
@@ -258,15 +261,14 @@ class Upload:
 
     async def _run(self) -> None:
         patience = Patience(self._connection)
-        try:
-            while not self._is_done():
-                try:
-                    await self._converse(patience)
-                except grpc.aio.AioRpcError as error:  # noqa: PERF203 (each turn may fail)
-                    await patience.wait(error, busy_seconds=self._busy_seconds())
-        finally:
-            # Whoever waits looks at how this task ended, so it is told afterwards.
-            asyncio.get_running_loop().call_soon(lambda: asyncio.ensure_future(self._notify()))
+        while not self._is_done():
+            try:
+                await self._converse(patience)
+            except grpc.aio.AioRpcError as error:  # noqa: PERF203 (each turn may fail)
+                await patience.wait(error, busy_seconds=self._busy_seconds())
+
+    def _ended(self, _task: asyncio.Task[None]) -> None:
+        self._telling = asyncio.ensure_future(self._notify())
 
     def _busy_seconds(self) -> float:
         return self._connection.patience if self._is_open else OPENING_SECONDS
