@@ -120,6 +120,7 @@ def test_depth_has_the_size_of_its_camera():
         ({"labels": DEPTH.astype(np.int16)}, "labels: expected uint8 or uint16"),
         ({"labels": DEPTH[1:]}, "labels: expected shape"),
         ({"time": -1.0}, "time: expected seconds"),
+        ({"time": 1_764_000_000_000_000_000}, "are they nanoseconds"),
         ({"depth_time": float("nan")}, "depth_time: expected seconds"),
         ({"pose": np.eye(3)}, r"pose: expected shape \(4, 4\), found \(3, 3\)"),
         ({"pose": 2 * np.eye(4)}, "pose: expected the last row"),

@@ -32,7 +32,7 @@ from lexsplat._errors import (
 from lexsplat._files import PointCloud, Trajectory
 from lexsplat._frame import Frame
 from lexsplat._requests import StreamOptions
-from lexsplat._upload import FrameResult, Summary
+from lexsplat._results import FrameResult, Summary
 
 __all__ = [
     "AccessError",

@@ -18,7 +18,8 @@ from lexsplat._connection import Access, Connection
 from lexsplat._files import PointCloud, Trajectory
 from lexsplat._frame import Frame
 from lexsplat._requests import ExportFormat, StreamOptions
-from lexsplat._upload import OnFrame, Summary, Upload
+from lexsplat._results import OnFrame, Summary
+from lexsplat._upload import Upload
 from lexsplat.v1 import lexsplat_pb2 as v1
 
 if TYPE_CHECKING:

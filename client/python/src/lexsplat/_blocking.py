@@ -14,7 +14,8 @@ from lexsplat._aio import AsyncClient, AsyncMap
 from lexsplat._camera import Camera
 from lexsplat._frame import Frame
 from lexsplat._requests import StreamOptions, opening
-from lexsplat._upload import OnFrame, Summary, Upload
+from lexsplat._results import OnFrame, Summary
+from lexsplat._upload import Upload
 
 if TYPE_CHECKING:
     from typing_extensions import Self, Unpack

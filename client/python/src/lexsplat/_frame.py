@@ -98,6 +98,8 @@ def _nanos(seconds: float | None, name: str) -> int:
         return 0
     if not math.isfinite(seconds) or seconds < 0:
         raise FrameError(f"{name}: expected seconds, 0 or more, found {seconds!r}")
+    if seconds * _NANOS >= 1 << 64:
+        raise FrameError(f"{name}: expected seconds, found {seconds!r}: are they nanoseconds?")
     # Whole seconds apart, so that a time since 1970 loses nothing more.
     whole = int(seconds)
     return whole * _NANOS + round((seconds - whole) * _NANOS)
