@@ -114,11 +114,11 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/bags/rosbags ]; then
     'foxglove-sdk==0.30.3' 'pillow==12.0.0' 'numpy>=2,<3'
 fi
 
-# What the Python package is built with, needs and is tested with. The range of Rerun spans the
-# versions of Python.
-if [ "${1:-}" = --tests ] && [ ! -d .deps/client/grpc_tools ]; then
+# What the Python package is built with, needs (the oldest gRPC that it promises) and is tested with.
+# The range of Rerun spans the versions of Python.
+if [ "${1:-}" = --tests ] && [ ! -d .deps/client/grpcio-1.80.0.dist-info ]; then
   say "installing what the Python package needs into .deps/client"
   mkdir -p .deps
-  pip_install .deps/client --only-binary=:all: 'grpcio==1.76.0' 'grpcio-tools==1.76.0' 'numpy>=2,<3' \
+  pip_install .deps/client --only-binary=:all: 'grpcio==1.80.0' 'grpcio-tools==1.76.0' 'numpy>=2,<3' \
     'hatchling==1.33.0' 'pytest==9.2.0' 'pillow>=11,<14' 'rerun-sdk>=0.23,<0.42'
 fi

@@ -140,6 +140,12 @@ def test_frames_are_pushed_one_by_one(new_map, room: Room):
         stream.send(room.frame(2))
 
 
+def test_a_map_has_one_sender_at_a_time(new_map, room: Room, monkeypatch):
+    monkeypatch.setattr("lexsplat._upload.OPENING_SECONDS", 0.5)
+    with new_map.open(room.camera), pytest.raises(lexsplat.BusyError, match="another sender"):
+        new_map.stream([], room.camera)
+
+
 def test_a_wrong_frame_is_an_error_of_the_program(new_map, room: Room):
     with pytest.raises(lexsplat.FrameError, match="no pose"):
         new_map.stream([room.frame(0, pose=None)], room.camera, poses="given")

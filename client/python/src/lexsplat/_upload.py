@@ -27,8 +27,9 @@ from lexsplat.v1 import lexsplat_pb2 as v1
 # 640x480 has 1.5 MB.
 IN_FLIGHT = 32
 IN_FLIGHT_BYTES = 128 << 20
-# How long a map that is opened may have another sender, whose end the server has not noticed yet.
-OPENING_SECONDS = 5.0
+# How long a map that is opened may have another sender: a stream that was just cut off ends when the
+# server has taken the frames that were under way.
+OPENING_SECONDS = 30.0
 
 LOG = logging.getLogger("lexsplat")
 
