@@ -1,7 +1,9 @@
 """Broken connections, servers that are away, tokens and TLS."""
 
+import asyncio
 import subprocess
 import sys
+import threading
 import time
 
 import grpc
@@ -119,6 +121,29 @@ def test_a_failure_of_the_server_ends_the_stream_with_its_reason():
         kitchen = client.map("kitchen")
         with pytest.raises(lexsplat.ServerError, match="no space left"):
             kitchen.stream(frames(9), CAMERA)
+
+
+def test_an_opening_that_is_cancelled_ends_on_the_server_too():
+    ended = threading.Event()
+
+    def hangs(_messages, context):
+        context.add_callback(ended.set)
+        assert ended.wait(60)
+        yield opened()
+
+    async def gives_up(address: str):
+        async with lexsplat.AsyncClient(address) as client:
+            opening = asyncio.create_task(client.map("kitchen").stream(frames(1), CAMERA))
+            while not script.opened:
+                await asyncio.sleep(0.01)
+            opening.cancel()
+            await asyncio.wait([opening])
+            assert opening.cancelled()
+            assert await asyncio.to_thread(ended.wait, 30), "the server still waits for frames"
+
+    script = Scripted(hangs)
+    with serve(script) as address:
+        asyncio.run(gives_up(address))
 
 
 def test_no_server_is_told_at_once():

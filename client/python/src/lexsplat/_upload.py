@@ -27,9 +27,9 @@ from lexsplat.v1 import lexsplat_pb2 as v1
 # 640x480 has 1.5 MB.
 IN_FLIGHT = 32
 IN_FLIGHT_BYTES = 128 << 20
-# How long a map that is opened may have another sender: a stream that was just cut off ends when the
-# server has taken the frames that were under way.
-OPENING_SECONDS = 30.0
+# How long a map that is opened may have another sender: a stream that was just cut off ends when
+# the server has taken the frames that were under way.
+OPENING_SECONDS = 15.0
 
 LOG = logging.getLogger("lexsplat")
 
@@ -69,7 +69,12 @@ class Upload:
         self._running = asyncio.create_task(self._run())
         # Whoever waits looks at how the task ended, so it is told afterwards.
         self._running.add_done_callback(self._ended)
-        await self._until(lambda: self._is_open)
+        try:
+            await self._until(lambda: self._is_open)
+        except BaseException:
+            # Cancelled: nobody will close what was not opened.
+            await self.close()
+            raise
 
     def encode(self, frame: Frame) -> v1.Frame | None:
         """A frame as the next message; None if the map has it already. Does not wait.
