@@ -71,8 +71,13 @@ def test_a_cancelled_stream_lets_the_map_go(address: str, room: Room):
         async with lexsplat.AsyncClient(address, patience=60) as client:
             made = client.map("asyncio-cancelled")
             options = {"poses": "given", "depth_unit": room.depth_unit}
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(made.stream(endless(), room.camera, **options), 0.5)
+            mapped = asyncio.Event()
+            told = {"on_frame": lambda _result: mapped.set()}
+            streaming = asyncio.create_task(made.stream(endless(), room.camera, **options, **told))
+            await mapped.wait()
+            streaming.cancel()
+            await asyncio.wait([streaming])
+            assert streaming.cancelled()
             summary = await made.stream([room.frame(1)], room.camera, **options)
             assert summary.tracked == 1 and summary.results[0].sequence > 0
             await made.delete()
