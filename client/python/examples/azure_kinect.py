@@ -39,6 +39,8 @@ def frames(kinect: Any, count: int) -> Iterator[lexsplat.Frame]:
 
 
 def main() -> None:
+    if len(sys.argv) < 3:
+        raise SystemExit(__doc__)
     words, count, *server = sys.argv[1:]
     kinect = pyk4a.PyK4A(
         pyk4a.Config(

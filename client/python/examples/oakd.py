@@ -42,6 +42,8 @@ def frames(first: Any, queue: Any, count: int) -> Iterator[lexsplat.Frame]:
 
 
 def main() -> None:
+    if len(sys.argv) < 3:
+        raise SystemExit(__doc__)
     words, count, *server = sys.argv[1:]
     with dai.Pipeline() as pipeline:
         lens = pipeline.create(dai.node.Camera).build(dai.CameraBoardSocket.CAM_A)

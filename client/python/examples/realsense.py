@@ -35,6 +35,8 @@ def frames(pipeline: Any, count: int) -> Iterator[lexsplat.Frame]:
 
 
 def main() -> None:
+    if len(sys.argv) < 3:
+        raise SystemExit(__doc__)
     words, count, *server = sys.argv[1:]
     pipeline, config = rs.pipeline(), rs.config()
     config.enable_stream(rs.stream.depth, 640, 480, rs.format.z16, 30)

@@ -50,6 +50,8 @@ class Phone:
 
 
 def main() -> None:
+    if len(sys.argv) < 3:
+        raise SystemExit(__doc__)
     words, count, *server = sys.argv[1:]
     phone = Phone()
     frames = phone.frames()

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import lexsplat
 
+if len(sys.argv) < 3:
+    raise SystemExit(__doc__)
 folder, words, *server = sys.argv[1:]
 about = json.loads(Path(folder, "cam_params.json").read_text())["camera"]
 camera = lexsplat.Camera(*(about[key] for key in ("w", "h", "fx", "fy", "cx", "cy")))
