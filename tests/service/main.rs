@@ -23,6 +23,7 @@ mod labels;
 mod load;
 mod memory;
 mod outside;
+mod python;
 mod reads;
 mod recordings;
 mod restart;
