@@ -1,9 +1,9 @@
 //! Poses of all tracked frames, each relative to the newest keyframe of its time. When a keyframe's pose is
 //! refined, the frames that were tracked after it move with it.
 
-use super::super::frame::{Frame, TrackedFrame, TrackedPose};
+use super::super::frame::{Frame, PoseHint, TrackedFrame, TrackedPose};
 use super::super::keyframes::KeyframeStore;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, UnitVector3};
 use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -14,12 +14,16 @@ struct Entry {
     keyframe: Option<u64>,
     /// The pose in the keyframe's camera; in the world if there is no keyframe.
     keyframe_from_camera: Isometry3<f64>,
+    /// The direction up in the camera's coordinates, if it was measured.
+    up: Option<UnitVector3<f64>>,
 }
 
 /// All tracked frames in order of their sequence numbers.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(in super::super) struct Trajectory {
     entries: Vec<Entry>,
+    /// The direction up in the map's coordinates, as the sender of the newest frame that has one says.
+    given_up: Option<UnitVector3<f64>>,
 }
 
 impl Trajectory {
@@ -33,11 +37,36 @@ impl Trajectory {
             Some(keyframe) => keyframe.inverse() * pose,
             None => *pose,
         };
+        if frame.up.in_world.is_some() && self.shares_world(frame) {
+            self.given_up = frame.up.in_world;
+        }
         self.entries.push(Entry {
             frame: TrackedFrame::new(frame, tracked),
             keyframe: keyframe.map(|frame| frame.sequence),
             keyframe_from_camera,
+            up: frame.up.in_camera,
         });
+    }
+
+    /// Whether the sender's coordinates are those of the map: its poses are given, or hints that the map follows
+    /// or begins at.
+    fn shares_world(&self, frame: &Frame) -> bool {
+        let follows = |hint: &PoseHint| hint.covariance.is_some() || self.entries.is_empty();
+        frame.world_from_camera.is_some() || frame.hint.as_deref().is_some_and(follows)
+    }
+
+    /// The direction up in the map's coordinates, if a sender said it.
+    pub fn given_up(&self) -> Option<UnitVector3<f64>> {
+        self.given_up
+    }
+
+    /// Directions up that were measured with frames, in the map's coordinates.
+    pub fn measured_ups(&self, keyframes: &KeyframeStore) -> Vec<UnitVector3<f64>> {
+        let measured = |entry: &Entry| {
+            let up = entry.up?;
+            Some(entry.current(keyframes).world_from_camera.rotation * up)
+        };
+        self.entries.iter().filter_map(measured).collect()
     }
 
     /// All frames with their current poses. A keyframe also has its current exposure.

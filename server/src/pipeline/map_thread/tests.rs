@@ -2,7 +2,7 @@
 
 use super::super::checkpoint::Checkpoint;
 use super::super::engine::Engine;
-use super::super::frame::Frame;
+use super::super::frame::{Frame, FrameUp};
 use super::super::map::{Map, StreamGuard};
 use super::super::snapshot::MapSnapshot;
 use crate::test_support::{ROOM_CAMERA as CAMERA, per_frame_engine, ray_cast_room, tinted};
@@ -40,6 +40,7 @@ fn frame(sequence: u64) -> Frame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }
 
