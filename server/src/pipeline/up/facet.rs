@@ -1,7 +1,7 @@
 //! Facets: small pieces of measured surface with their normals.
 
 use super::super::downsampled_frame::DownsampledFrame;
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Vector3};
 
 /// Facets of a picture, at most about so many.
 const FACETS: f64 = 400.0;
@@ -30,6 +30,13 @@ pub(in super::super) struct Facet {
     pub normal: Vector3<f64>,
     /// Its area, in any unit that is the same for all facets of all cameras.
     pub area: f64,
+}
+
+/// What a keyframe says of the direction up.
+pub(in super::super) struct View<'a> {
+    pub world_from_camera: &'a Isometry3<f64>,
+    /// Surfaces that it measured.
+    pub facets: &'a [Facet],
 }
 
 impl Facet {

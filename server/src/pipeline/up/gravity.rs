@@ -1,7 +1,7 @@
 //! Up from accelerometers. At rest one measures the direction up; while the robot speeds up, brakes or
 //! shakes it measures something else. The median direction of many readings is hardly moved by those.
 
-use super::{MapUp, UpSource};
+use super::map_up::{MapUp, UpSource};
 use nalgebra::{UnitVector3, Vector3};
 
 /// A reading within this angle agrees with the median.

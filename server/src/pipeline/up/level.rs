@@ -5,7 +5,8 @@
 //! level ones are most parallel and upright ones most perpendicular is the next guess; and so on, with less
 //! and less tolerance. Slanted and round surfaces drop out on the way.
 
-use super::{MapUp, UpSource, View};
+use super::facet::View;
+use super::map_up::{MapUp, UpSource};
 use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
 
 /// Angles within which a surface is taken for level or upright, one after the other, degrees. The first is how

@@ -3,7 +3,7 @@
 use super::super::downsampled_frame::DownsampledFrame;
 use super::*;
 use crate::test_support::{ROOM_CAMERA as CAMERA, ray_cast_room};
-use nalgebra::{Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
