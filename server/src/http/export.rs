@@ -49,6 +49,7 @@ impl AllOptions {
         (status = 304, description = "the file still has the entity tag in If-None-Match"),
         (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or file", body = json::Problem, content_type = "application/problem+json"),
+        (status = 409, description = "the map is too far from the origin for the format", body = json::Problem, content_type = "application/problem+json"),
         (status = 416, description = "the range is outside the file", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]

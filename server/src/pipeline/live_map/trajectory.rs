@@ -88,3 +88,71 @@ impl Entry {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::frame::FrameUp;
+    use super::*;
+    use crate::test_support::pixel_frame;
+    use nalgebra::{Matrix6, Vector3};
+
+    /// A frame whose stream says what is up.
+    fn says(up: UnitVector3<f64>) -> Frame {
+        Frame { up: FrameUp { in_world: Some(up), in_camera: None }, ..pixel_frame() }
+    }
+
+    fn hint(covariance: Option<Matrix6<f64>>) -> Option<Box<PoseHint>> {
+        Some(Box::new(PoseHint { world_from_camera: Isometry3::identity(), covariance }))
+    }
+
+    fn tracked(world_from_camera: Isometry3<f64>) -> TrackedPose {
+        TrackedPose {
+            world_from_camera,
+            covariance: None,
+            exposure: [0.0; 2],
+            is_estimated: true,
+            relocalised: false,
+            beside: None,
+        }
+    }
+
+    fn given_up(frames: impl IntoIterator<Item = Frame>) -> Option<UnitVector3<f64>> {
+        let tracked = tracked(Isometry3::identity());
+        let mut trajectory = Trajectory::default();
+        for frame in frames {
+            trajectory.push(&frame, &tracked, &KeyframeStore::default());
+        }
+        trajectory.given_up()
+    }
+
+    #[test]
+    fn who_knows_the_maps_coordinates_may_say_what_is_up() {
+        let (x, z) = (Vector3::x_axis(), Vector3::z_axis());
+        let posed = |up| Frame { world_from_camera: Some(Isometry3::identity()), ..says(up) };
+        let vague = |up| Frame { hint: hint(None), ..says(up) };
+        let sure = |up| Frame { hint: hint(Some(Matrix6::identity())), ..says(up) };
+        assert_eq!(given_up([pixel_frame()]), None);
+        assert_eq!(given_up([posed(z), pixel_frame()]), Some(z));
+        assert_eq!(given_up([posed(z), posed(x)]), Some(x), "the newest");
+        // The map begins at the hint of its first frame.
+        assert_eq!(given_up([vague(z)]), Some(z));
+        // Later, a hint that is not followed may be in any coordinates.
+        assert_eq!(given_up([pixel_frame(), vague(z)]), None);
+        assert_eq!(given_up([vague(z), vague(x)]), Some(z));
+        assert_eq!(given_up([pixel_frame(), sure(z)]), Some(z));
+    }
+
+    #[test]
+    fn measured_directions_turn_with_the_camera() {
+        let up = Some(-Vector3::y_axis());
+        let frame = Frame { up: FrameUp { in_world: None, in_camera: up }, ..pixel_frame() };
+        let turn = Vector3::x() * std::f64::consts::FRAC_PI_2;
+        let tracked = tracked(Isometry3::rotation(turn));
+        let keyframes = KeyframeStore::default();
+        let mut trajectory = Trajectory::default();
+        trajectory.push(&frame, &tracked, &keyframes);
+        trajectory.push(&pixel_frame(), &tracked, &keyframes);
+        let found = trajectory.measured_ups(&keyframes);
+        assert!(found.len() == 1 && (*found[0] + Vector3::z()).norm() < 1e-12, "{found:?}");
+    }
+}
