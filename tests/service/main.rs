@@ -31,4 +31,5 @@ mod shutdown;
 mod soak;
 mod tls;
 mod tracking;
+mod up;
 mod wide_steps;

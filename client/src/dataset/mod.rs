@@ -6,8 +6,8 @@
 //! talks to a server.
 
 mod against;
-mod decoded;
 mod capture;
+mod decoded;
 mod described;
 mod error;
 mod files;

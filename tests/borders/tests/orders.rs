@@ -71,6 +71,7 @@ pub const CRATES: &[Declared] = &[
                 "pipeline/depth_gaps",
                 "pipeline/features",
                 "pipeline/registration",
+                "pipeline/up",
             ],
             &["pipeline/input_check", "pipeline/network"],
             &["pipeline/compressor"],
