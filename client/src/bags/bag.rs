@@ -1,5 +1,6 @@
 //! Recordings whose topics are put together by [`rig`](crate::rig).
 
+use super::compressed;
 use super::files::Files;
 use super::look::{Look, Met};
 use crate::dataset::{Cameras, Dataset, DatasetError, Intrinsics, Moment, RgbdFrame, name_of};
@@ -111,8 +112,10 @@ impl Bag {
         let Paired { sequence, color, depth, world_from_camera } = &self.frames[index];
         let bytes = [self.files.read(color.place)?, self.files.read(depth.place)?];
         let made = || {
-            let color = picture(self.decoders[0], &bytes[0], *color)?;
-            let depth = picture(self.decoders[1], &bytes[1], *depth)?;
+            let mut space = [Vec::new(), Vec::new()];
+            let [for_color, for_depth] = &mut space;
+            let color = picture(self.decoders[0], &bytes[0], for_color, *color)?;
+            let depth = picture(self.decoders[1], &bytes[1], for_depth, *depth)?;
             self.rig.frame(*sequence, &color, &depth)
         };
         let frame = made().map_err(|error: MessageError| {
@@ -145,8 +148,13 @@ fn unpaired(topic: &str, colors: &[Met], frames: &[Paired], within: u64) -> Vec<
         .collect()
 }
 
-fn picture(decoder: Decoder, data: &[u8], met: Met) -> Result<Picture<'_>, MessageError> {
-    match decoder.read(data)?.received(met.nanos) {
+fn picture<'a>(
+    decoder: Decoder,
+    data: &'a [u8],
+    space: &'a mut Vec<u8>,
+    met: Met,
+) -> Result<Picture<'a>, MessageError> {
+    match compressed::read(decoder, data, space)?.received(met.nanos) {
         Reading::Picture(picture) => Ok(picture),
         _ => unreachable!("the topic has pictures"),
     }

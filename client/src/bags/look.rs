@@ -1,5 +1,6 @@
 //! What a recording holds, after one pass through its files.
 
+use super::compressed;
 use super::files::{FilePlace, Files};
 use super::own::OwnFrames;
 use super::store::Message;
@@ -19,6 +20,8 @@ pub(super) struct Look {
     /// What is wrong with the files, in words.
     pub problems: Vec<String>,
     decoders: HashMap<String, Option<Decoder>>,
+    /// The message that was decompressed last.
+    space: Vec<u8>,
     /// Encodings and schemas of topics that are not read.
     unread: BTreeMap<String, String>,
     /// Number of damaged messages, and the first error, by topic.
@@ -82,7 +85,7 @@ impl Look {
             decoder
         });
         let Some(decoder) = decoder else { return };
-        match decoder.read(message.data) {
+        match compressed::read(decoder, message.data, &mut self.space) {
             Ok(reading) => {
                 let reading = reading.received(message.nanos);
                 if let Reading::Picture(picture) = &reading {

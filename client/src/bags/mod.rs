@@ -5,6 +5,7 @@
 //! server need no choice: they say how their frames are put together.
 
 mod bag;
+mod compressed;
 mod files;
 mod look;
 mod mcap_file;

@@ -1,17 +1,11 @@
-//! SQLite files of rosbag2: tables `topics` and `messages`. Messages that were compressed one by one with zstd are
-//! decompressed.
+//! SQLite files of rosbag2: tables `topics` and `messages`.
 
 use super::store::{Channel, Message, Place, Store};
 use crate::dataset::DatasetError;
 use rusqlite::{Connection, OpenFlags};
 use std::collections::HashMap;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-
-const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
-/// The most bytes of a message.
-const LONGEST: u64 = 1 << 29;
 
 /// A SQLite file of rosbag2.
 pub(super) struct SqliteFile {
@@ -57,7 +51,7 @@ impl Store for SqliteFile {
         let mut statement = connection.prepare(all).map_err(|error| failed(&self.path, &error))?;
         let mut rows = statement.query([]).map_err(|error| failed(&self.path, &error))?;
         let mut problems = Vec::new();
-        let (mut last, mut compressed) = (0, Vec::new());
+        let mut last = 0;
         loop {
             let row = match rows.next() {
                 Ok(Some(row)) => row,
@@ -79,10 +73,6 @@ impl Store for SqliteFile {
             };
             last = id;
             let Some(channel) = channels.get(&topic) else { continue };
-            let Some(data) = plain(data, &mut compressed) else {
-                problems.push(format!("{}: message {id}: left out", self.path.display()));
-                continue;
-            };
             let place = Place { at: id as u64, nth: 0 };
             let nanos = u64::try_from(nanos).unwrap_or(0);
             take(Message { channel, nanos, place, data });
@@ -96,23 +86,6 @@ impl Store for SqliteFile {
             let mut statement = connection.prepare("SELECT data FROM messages WHERE id = ?1")?;
             statement.query_row([place.at as i64], |row| row.get(0))
         };
-        let data = read().map_err(|error| failed(&self.path, &error))?;
-        let mut compressed = Vec::new();
-        let data = plain(&data, &mut compressed).ok_or_else(|| {
-            let reason = format!("message {}: expected whole zstd", place.at);
-            DatasetError::content(&self.path, reason)
-        })?;
-        Ok(data.to_vec())
+        read().map_err(|error| failed(&self.path, &error))
     }
-}
-
-/// A message without compression. No message in CDR begins as zstd does.
-fn plain<'a>(data: &'a [u8], space: &'a mut Vec<u8>) -> Option<&'a [u8]> {
-    if !data.starts_with(ZSTD_MAGIC) {
-        return Some(data);
-    }
-    space.clear();
-    let decoder = zstd::Decoder::with_buffer(data).ok()?;
-    decoder.take(LONGEST).read_to_end(space).ok()?;
-    Some(space)
 }
