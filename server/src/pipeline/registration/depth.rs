@@ -92,10 +92,25 @@ impl DepthRays {
                 canvas.vertex([x * near + a, y * near + b, z * near + c])
             });
             if let [Some(a), Some(b), Some(c), Some(d)] = vertices {
-                canvas.triangle([a, b, c]);
-                canvas.triangle([a, c, d]);
+                // The measurement itself is kept: without it, the four triangles around it would round off edges.
+                let Some(own) = self.centre(column, row, depth, canvas) else { continue };
+                canvas.triangle([own, a, b]);
+                canvas.triangle([own, b, c]);
+                canvas.triangle([own, c, d]);
+                canvas.triangle([own, d, a]);
             }
         }
+    }
+
+    /// The middle of a pixel, drawn.
+    fn centre(&self, column: usize, row: usize, depth: f32, canvas: &Canvas) -> Option<Vertex> {
+        let [upper, lower] = [row, row + 1].map(|row| row * (self.width + 1) + column);
+        let (a, b) = (self.corners[upper], self.corners[upper + 1]);
+        let (c, d) = (self.corners[lower], self.corners[lower + 1]);
+        let along = |axis: usize| {
+            0.25 * (a[axis] + b[axis] + c[axis] + d[axis]) * depth + self.origin[axis]
+        };
+        canvas.vertex([along(0), along(1), along(2)])
     }
 
     /// Depth at a corner of a pixel: that of the pixels around it which lie on the same surface. Inverse depth is
