@@ -25,7 +25,7 @@ test: lint ## Lints, and every test
 	cargo build --workspace --bins
 	cargo test --workspace
 
-lint: ## Format, lints, documentation, licences, spelling
+lint: ## Format, lints, types, documentation, licences, spelling
 	@deploy/setup.sh --lint
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
@@ -35,6 +35,7 @@ lint: ## Format, lints, documentation, licences, spelling
 	.deps/lint/bin/typos
 	.deps/lint/bin/ruff check --no-cache
 	.deps/lint/bin/ruff format --no-cache --check client tests training
+	cd client/python && PYTHONPATH=$(CURDIR)/.deps/types python3 -m mypy --cache-dir=/dev/null
 
 format: ## Format the Rust and Python sources
 	@deploy/setup.sh --lint

@@ -5,7 +5,7 @@
 #
 #   deploy/setup.sh            for the server
 #   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files
-#   deploy/setup.sh --lint     only the linters: typos and ruff
+#   deploy/setup.sh --lint     only the linters: typos, ruff and mypy
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,6 +13,7 @@ ONNXRUNTIME_VERSION=1.31.1
 PYTHON_TAG=3.12 # of the wheel; only its shared library is used
 TYPOS_VERSION=1.52.0
 RUFF_VERSION=0.17.6
+MYPY_VERSION=2.4.1
 
 say() { printf '%s\n' "$*" >&2; }
 fail() { say "error: $*"; exit 1; }
@@ -60,6 +61,12 @@ if [ "${1:-}" = --lint ]; then
     mkdir -p .deps
     pip_install .deps/lint --only-binary=:all: "typos==$TYPOS_VERSION" "ruff==$RUFF_VERSION"
   fi
+  if [ ! -d ".deps/types/mypy-$MYPY_VERSION.dist-info" ]; then
+    say "installing mypy $MYPY_VERSION into .deps/types"
+    mkdir -p .deps
+    pip_install .deps/types --only-binary=:all: "mypy==$MYPY_VERSION" 'numpy>=2,<3' \
+      'types-grpcio==1.85.0.20261028' 'types-protobuf==7.35.1.20260906'
+  fi
   exit
 fi
 
@@ -105,4 +112,13 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/bags/rosbags ]; then
   mkdir -p .deps
   pip_install .deps/bags --only-binary=:all: 'rosbags==0.11.9' 'mcap-ros2-support==0.6.0' \
     'foxglove-sdk==0.30.3' 'pillow==12.0.0' 'numpy>=2,<3'
+fi
+
+# What the Python package is built with, needs (the oldest gRPC that it promises) and is tested with.
+# The range of Rerun spans the versions of Python.
+if [ "${1:-}" = --tests ] && [ ! -d .deps/client/grpcio-1.80.0.dist-info ]; then
+  say "installing what the Python package needs into .deps/client"
+  mkdir -p .deps
+  pip_install .deps/client --only-binary=:all: 'grpcio==1.80.0' 'grpcio-tools==1.76.0' 'numpy>=2,<3' \
+    'hatchling==1.33.0' 'pytest==9.2.0' 'pillow>=11,<14' 'rerun-sdk>=0.23,<0.42'
 fi

@@ -19,7 +19,7 @@ use lexsplat_server::pipeline::compressor::{
     CompressorConfig, GENERIC_SIZE, OnlineStage, Stage, carry_over, online,
 };
 use lexsplat_server::pipeline::encoder::{LanguageConfig, Vision};
-use lexsplat_server::pipeline::frame::{Frame, Intrinsics};
+use lexsplat_server::pipeline::frame::{Frame, FrameUp, Intrinsics};
 use lexsplat_server::pipeline::network::Bundle;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -59,6 +59,7 @@ fn frame(path: &Path) -> anyhow::Result<Frame> {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     })
 }
 

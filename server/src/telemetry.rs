@@ -15,8 +15,10 @@ use tracing_subscriber::EnvFilter;
 pub(crate) const QUERY_SECONDS: &str = "lexsplat_query_seconds";
 /// Histogram: seconds per rendered image, by `channel`.
 pub(crate) const RENDER_SECONDS: &str = "lexsplat_render_seconds";
-/// Histogram: seconds to check and decode a frame.
+/// Histogram: seconds to check, decode and register a frame.
 pub(crate) const DECODE_SECONDS: &str = "lexsplat_decode_seconds";
+/// Histogram: seconds to remove distortion from a frame and to register its depth; close to 0 if neither is needed.
+pub(crate) const REGISTRATION_SECONDS: &str = "lexsplat_registration_seconds";
 /// Histogram: seconds from a decoded frame to its acknowledgement, with the time in the queue.
 pub(crate) const FRAME_SECONDS: &str = "lexsplat_frame_seconds";
 /// Histogram: seconds of the networks per keyframe.
@@ -144,12 +146,16 @@ fn builder() -> Result<PrometheusBuilder, BuildError> {
 fn describe() {
     metrics::describe_histogram!(QUERY_SECONDS, "Seconds per query");
     metrics::describe_histogram!(RENDER_SECONDS, "Seconds per rendered image");
-    metrics::describe_histogram!(DECODE_SECONDS, "Seconds to check and decode a frame");
+    metrics::describe_histogram!(DECODE_SECONDS, "Seconds to check, decode and register a frame");
     metrics::describe_histogram!(
         FRAME_SECONDS,
         "Seconds from a decoded frame to its acknowledgement"
     );
     metrics::describe_histogram!(LANGUAGE_SECONDS, "Seconds of the networks per keyframe");
+    metrics::describe_histogram!(
+        REGISTRATION_SECONDS,
+        "Seconds to remove distortion and to register depth"
+    );
     metrics::describe_histogram!(TRACKING_SECONDS, "Seconds to track a frame");
     metrics::describe_histogram!(
         INPUT_CHECK_SECONDS,

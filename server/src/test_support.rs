@@ -2,7 +2,7 @@
 
 use crate::Config;
 use crate::pipeline::engine::Engine;
-use crate::pipeline::frame::{Frame, Intrinsics};
+use crate::pipeline::frame::{Frame, FrameUp, Intrinsics};
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Vector3};
 use rand::Rng as _;
@@ -55,6 +55,7 @@ pub fn pixel_frame() -> Frame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }
 

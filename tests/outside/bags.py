@@ -4,6 +4,8 @@
 
 FOLDER is in Replica layout; its poses are those of the color camera. KIND is one of:
 
+    lenses    rosbags, SQLite: a color and a depth camera with lenses, 5 cm apart; FOLDER/depth
+              has what the depth camera sees
     db3       rosbags, SQLite: raw pictures, aligned depth 3 ms later, TF; and other cameras
     mcap      rosbags, MCAP with zstd: JPEG, compressedDepth, odometry, static TF
     ros2      mcap-ros2-support: RGB and metres, a topic of poses
@@ -110,6 +112,63 @@ class Walk:
         return [k / 2 + 0.12 for k in range(-1, 2 * len(self))]
 
 
+COLOR_CAMERA = {"w": 160, "h": 120, "fx": 114.0, "fy": 115.0, "cx": 78.5, "cy": 60.0}
+COLOR_LENS = ("plumb_bob", [-0.12, 0.02, 0.001, -0.002, 0.0])
+DEPTH_CAMERA = {"w": 128, "h": 96, "fx": 84.0, "fy": 84.0, "cx": 63.0, "cy": 48.5}
+DEPTH_LENS = ("equidistant", [0.02, -0.01, 0.0, 0.0])
+
+
+class DepthWalk:
+    """What a depth camera sees: depth%06d.png, camera.json, and its place beside color."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        described = json.loads((folder / "camera.json").read_text())
+        self.camera = described["camera"]
+        self.color_from_depth = np.array(described["color_from_depth"]).reshape(4, 4)
+
+    def millimetres(self, frame: int) -> np.ndarray:
+        units = np.asarray(Image.open(self.folder / f"depth{frame:06}.png"))
+        return np.rint(units / self.camera["scale"] * 1000).astype("<u2")
+
+
+def sampled(source: dict, camera: dict, lens: tuple[str, list[float]]) -> list[np.ndarray]:
+    """Where in pictures of a pinhole camera the pixels of one with a lens lie: rows, columns."""
+    columns, rows = np.meshgrid(np.arange(camera["w"]), np.arange(camera["h"]))
+    xd = (columns - camera["cx"]) / camera["fx"]
+    yd = (rows - camera["cy"]) / camera["fy"]
+    model, d = lens
+    x, y = xd.copy(), yd.copy()
+    for _ in range(50):
+        r2 = x * x + y * y
+        if model == "plumb_bob":
+            k1, k2, p1, p2, k3 = d
+            radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            x, y = (
+                (xd - 2 * p1 * x * y - p2 * (r2 + 2 * x * x)) / radial,
+                (yd - p1 * (r2 + 2 * y * y) - 2 * p2 * x * y) / radial,
+            )
+        else:
+            r = np.maximum(np.sqrt(r2), 1e-9)
+            t = np.arctan(r)
+            t2 = t * t
+            bent = t * (1 + t2 * (d[0] + t2 * (d[1] + t2 * (d[2] + t2 * d[3]))))
+            x, y = xd * r / bent, yd * r / bent
+    columns, rows = x * source["fx"] + source["cx"], y * source["fy"] + source["cy"]
+    assert rows.min() >= 0 and rows.max() < source["h"] - 1, "the source sees too little"
+    assert columns.min() >= 0 and columns.max() < source["w"] - 1, "the source sees too little"
+    return [rows, columns]
+
+
+def smooth(picture: np.ndarray, at: list[np.ndarray]) -> np.ndarray:
+    """Bilinear interpolation."""
+    top, left = (np.floor(one).astype(int) for one in at)
+    down, across = (at[0] - top)[..., None], (at[1] - left)[..., None]
+    upper = picture[top, left] * (1 - across) + picture[top, left + 1] * across
+    lower = picture[top + 1, left] * (1 - across) + picture[top + 1, left + 1] * across
+    return np.rint(upper * (1 - down) + lower * down).astype(np.uint8)
+
+
 class Ros:
     """Messages of ROS 2, by rosbags."""
 
@@ -146,11 +205,16 @@ class Ros:
             data=np.frombuffer(data, np.uint8),
         )
 
-    def info(self, nanos: int, frame_id: str, scale: float = 1.0) -> object:
-        c = self.walk.camera
-        fx, fy = c["fx"] * scale, c["fy"] * scale
-        k = np.array([fx, 0, c["cx"], 0, fy, c["cy"], 0, 0, 1], float)
-        p = np.array([fx, 0, c["cx"], 0, 0, fy, c["cy"], 0, 0, 0, 1, 0], float)
+    def info(
+        self,
+        nanos: int,
+        frame_id: str,
+        camera: dict | None = None,
+        lens: tuple[str, list[float]] = ("plumb_bob", [0.0] * 5),
+    ) -> object:
+        c = camera or self.walk.camera
+        k = np.array([c["fx"], 0, c["cx"], 0, c["fy"], c["cy"], 0, 0, 1], float)
+        p = np.array([c["fx"], 0, c["cx"], 0, 0, c["fy"], c["cy"], 0, 0, 0, 1, 0], float)
         roi = self.new(
             "sensor_msgs/msg/RegionOfInterest",
             x_offset=0,
@@ -164,8 +228,8 @@ class Ros:
             header=self.header(nanos, frame_id),
             height=c["h"],
             width=c["w"],
-            distortion_model="plumb_bob",
-            d=np.zeros(5),
+            distortion_model=lens[0],
+            d=np.array(lens[1]),
             k=k,
             r=np.eye(3).ravel(),
             p=p,
@@ -196,12 +260,12 @@ class Ros:
         ]
         return self.new("tf2_msgs/msg/TFMessage", transforms=transforms)
 
-    def static(self) -> object:
+    def static(self, link_from_depth: np.ndarray = LINK_FROM_CAMERA) -> object:
         return self.tf(
             self.walk.nanos(0),
             ("base_link", "camera_link", BASE_FROM_LINK),
             ("camera_link", CAMERA, LINK_FROM_CAMERA),
-            ("camera_link", "camera_depth_optical_frame", LINK_FROM_CAMERA),
+            ("camera_link", "camera_depth_optical_frame", link_from_depth),
         )
 
     def odometry(self, nanos: int, pose: np.ndarray) -> object:
@@ -251,10 +315,36 @@ class Ros:
                 later,
                 self.image(later, own, "16UC1", millimetres // 2),
             )
-            yield f"{aside}/camera_info", later, self.info(later, own, 0.8)
+            yield (
+                f"{aside}/camera_info",
+                later,
+                self.info(later, own, {**walk.camera, "fx": 90.0, "fy": 90.0}),
+            )
             grey = np.ascontiguousarray(rgb[:, :, 1])
             infra = self.image(nanos, own, "mono8", grey)
             yield "/camera/infra1/image_rect_raw", nanos, infra
+
+    def lenses(self):
+        walk, depth_walk = self.walk, DepthWalk(self.walk.folder / "depth")
+        own = "camera_depth_optical_frame"
+        link_from_depth = LINK_FROM_CAMERA @ depth_walk.color_from_depth
+        color_at = sampled(walk.camera, COLOR_CAMERA, COLOR_LENS)
+        depth_at = sampled(depth_walk.camera, DEPTH_CAMERA, DEPTH_LENS)
+        yield "/tf_static", walk.nanos(0), self.static(link_from_depth)
+        for moment in walk.moments():
+            nanos = walk.nanos(moment)
+            yield "/odom", nanos, self.odometry(nanos, walk.odom_from_base(moment))
+        for frame in range(len(walk)):
+            nanos = walk.nanos(frame)
+            rgb = smooth(walk.rgb(frame), color_at)
+            yield "/rgb/image_raw", nanos, self.image(nanos, CAMERA, "rgb8", rgb)
+            color_info = self.info(nanos, CAMERA, COLOR_CAMERA, COLOR_LENS)
+            yield "/rgb/camera_info", nanos, color_info
+            rows, columns = (np.rint(at).astype(int) for at in depth_at)
+            millimetres = np.ascontiguousarray(depth_walk.millimetres(frame)[rows, columns])
+            yield "/depth/image_raw", nanos, self.image(nanos, own, "16UC1", millimetres)
+            depth_info = self.info(nanos, own, DEPTH_CAMERA, DEPTH_LENS)
+            yield "/depth/camera_info", nanos, depth_info
 
     def mcap(self):
         walk = self.walk
@@ -280,7 +370,7 @@ def rosbags(walk: Walk, out: Path, kind: str) -> None:
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
     ros = Ros(walk)
-    plugin = StoragePlugin.SQLITE3 if kind == "db3" else StoragePlugin.MCAP
+    plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
     writer = Writer(out, version=9, storage_plugin=plugin)
     if kind == "mcap":
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
@@ -486,7 +576,7 @@ def in_json(walk: Walk, out: Path) -> None:
 def main() -> None:
     folder, out, kind = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
     walk = Walk(folder)
-    if kind in ("db3", "mcap"):
+    if kind in ("db3", "mcap", "lenses"):
         rosbags(walk, out, kind)
     else:
         {"ros2": ros2, "protobuf": protobuf, "json": in_json}[kind](walk, out)

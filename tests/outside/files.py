@@ -94,7 +94,10 @@ def check_glb(path, splats):
     (name,) = scene.geometry
     (node,) = scene.graph.nodes_geometry
     turn, _ = scene.graph[node]
-    assert np.allclose(np.diag(turn), [1, -1, -1, 1], atol=1e-6), f"glTF is y up, z back: {turn}"
+    turn = turn[:3, :3]
+    assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0, turn
+    # The room's z is up; glTF's is y.
+    assert (turn @ [0, 0, 1])[1] > np.cos(np.radians(3)), f"glTF is y up: {turn}"
     assert np.allclose(scene.geometry[name].vertices, splats["means"], atol=1e-6), "glTF: positions"
     data = path.read_bytes()
     length = struct.unpack_from("<I", data, 12)[0]

@@ -2,7 +2,7 @@
 //! precision. The whole server maps with one, and a spoilt one is refused with what is wrong.
 
 use lexsplat_server::pipeline::encoder::{LanguageConfig, Vision};
-use lexsplat_server::pipeline::frame::{Frame, Intrinsics};
+use lexsplat_server::pipeline::frame::{Frame, FrameUp, Intrinsics};
 use lexsplat_server::pipeline::network::Bundle;
 use lexsplat_tests::bundle::{Form, Made, WORDS, decompress, likeness};
 use lexsplat_tests::onnx::Kind;
@@ -37,6 +37,7 @@ fn frame(robot: &Robot, at: usize) -> Frame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }
 

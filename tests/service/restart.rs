@@ -53,11 +53,14 @@ async fn get(server: &Server, path: &str) -> reqwest::Response {
     reqwest::get(server.url(path)).await.expect("it answers")
 }
 
-/// The answer, the Gaussians and the poses.
+/// The answer with the direction up, the Gaussians and the poses.
 async fn all(server: &Server, map: &str) -> (Value, Vec<u8>, String) {
     answer(server, map).await;
     server.settled(map).await;
-    let answer = answer(server, map).await;
+    let mut answer = answer(server, map).await;
+    let status = get(server, &format!("/v1/maps/{map}")).await.json::<Value>().await;
+    answer["up"] = status.expect("JSON")["up"].take();
+    assert!(answer["up"]["direction"].is_array(), "{answer}");
     let splats = get(server, &format!("/v1/maps/{map}/export/splats.ply")).await;
     let poses = get(server, &format!("/v1/maps/{map}/trajectory")).await;
     let splats = splats.bytes().await.expect("bytes").to_vec();

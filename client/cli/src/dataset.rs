@@ -35,9 +35,9 @@ pub enum DatasetSpec {
     /// A `.sens` file of ScanNet.
     ScanNet(PathBuf),
     /// An MCAP file, or a folder of them.
-    Mcap(PathBuf, Wanted),
+    Mcap(PathBuf, Box<Wanted>),
     /// A bag of ROS 2.
-    Rosbag2(PathBuf, Wanted),
+    Rosbag2(PathBuf, Box<Wanted>),
     /// A rendered room; no file is read.
     Synthetic {
         /// Which room.
@@ -116,6 +116,12 @@ pub fn recognised(text: &str) -> Result<DatasetSpec, String> {
     };
     let names = || std::fs::read_dir(&path).into_iter().flatten().flatten();
     let has = |kind: &str| names().any(|entry| is(&entry.path(), kind));
+    if path.is_file() && is(&path, "bag") {
+        return Err(format!(
+            "{}: a bag of ROS 1: convert it (pip install rosbags, rosbags-convert --src FILE --dst FOLDER)",
+            path.display()
+        ));
+    }
     if path.is_file() && is(&path, "mcap") {
         Ok(DatasetSpec::Mcap(path, wanted))
     } else if path.is_file() && is(&path, "db3") {
@@ -169,12 +175,12 @@ fn path(text: &str) -> PathBuf {
 }
 
 /// A path, and options behind a `?`.
-fn with_options(text: &str) -> Result<(PathBuf, Wanted), SpecError> {
+fn with_options(text: &str) -> Result<(PathBuf, Box<Wanted>), SpecError> {
     match text.rsplit_once('?') {
         Some((before, options)) if options.contains('=') && !Path::new(text).exists() => {
-            Ok((path(before), Wanted::parse(options).map_err(SpecError::Options)?))
+            Ok((path(before), Box::new(Wanted::parse(options).map_err(SpecError::Options)?)))
         }
-        _ => Ok((path(text), Wanted::default())),
+        _ => Ok((path(text), Box::default())),
     }
 }
 
@@ -272,10 +278,7 @@ mod tests {
         let home = std::env::home_dir().unwrap();
         assert_eq!(parse("tum:~/desk").unwrap(), DatasetSpec::Tum(home.join("desk")));
         assert_eq!(parse("tum:a/~/desk").unwrap(), DatasetSpec::Tum("a/~/desk".into()));
-        assert_eq!(
-            parse("mcap:what?").unwrap(),
-            DatasetSpec::Mcap("what?".into(), Wanted::default())
-        );
+        assert_eq!(parse("mcap:what?").unwrap(), DatasetSpec::Mcap("what?".into(), Box::default()));
         let error = parse("mcap:a?hue=/a").unwrap_err().to_string();
         assert!(error.starts_with("dataset: expected one of color, depth, info"), "{error}");
     }

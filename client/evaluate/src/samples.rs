@@ -7,7 +7,7 @@ use crate::labels::smoothing;
 use crate::language::{LabelScore, Language};
 use crate::overlay;
 use crate::recorded::Seen;
-use crate::views::{ViewScore, color};
+use crate::views::ViewScore;
 use image::RgbImage;
 use lexsplat_client::npy::Array;
 
@@ -98,7 +98,7 @@ async fn pair(
 ) -> Result<(RgbImage, RgbImage), EvaluateError> {
     let found = seen.iter().find(|seen| seen.sequence == sequence);
     let index = found.expect("only frames that were read are scored").index;
-    let target = color(&context.dataset.clean_frame(index)?)?;
+    let target = context.dataset.clean_frame(index)?.rgb(&context.dataset.intrinsics())?;
     Ok((target, context.render(sequence).await?))
 }
 

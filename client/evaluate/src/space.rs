@@ -13,7 +13,6 @@ use crate::labels::COUNTED_EVERY;
 use crate::presence::Judgement;
 use crate::statistics::mean;
 use crate::step::Step;
-use crate::views::depth_metres;
 use lexsplat_client::dataset::{Dataset, Intrinsics, Truth};
 use lexsplat_client::http::{Answer, Question};
 use nalgebra::{Isometry3, Point3};
@@ -118,7 +117,7 @@ impl Shown {
         for index in (0..dataset.len()).step_by(COUNTED_EVERY) {
             let frame = dataset.clean_frame(index)?;
             let Some(world_from_camera) = frame.world_from_camera else { continue };
-            let depth = depth_metres(&frame, dataset)?;
+            let depth = frame.depth_metres(dataset.depth_unit_metres())?;
             let mask = truth.mask(index)?;
             let mut pixels: HashMap<u16, usize> = HashMap::new();
             for (at, (id, metres)) in mask.ids.iter().zip(&depth).enumerate() {

@@ -5,14 +5,12 @@
 //! at the tracked pose and at the size of the frame. If a sensor was simulated, they are compared
 //! with the clean frames, so that a map that learns the sensor's noise does not score for it.
 
-use crate::context::{Context, decoded};
+use crate::context::Context;
 use crate::error::EvaluateError;
 use crate::image_metrics::{depth_error, psnr_db, ssim};
 use crate::lpips::Lpips;
 use crate::statistics::mean;
 use crate::step::Step;
-use image::RgbImage;
-use lexsplat_client::dataset::{Dataset, RgbdFrame};
 use serde::Serialize;
 
 /// Without an explicit choice, every fifth of the tracked frames that are no keyframe is held out.
@@ -89,14 +87,14 @@ pub(crate) async fn score(
         on_step(Step::Rendering { done, of: selected.len() });
         let frame = context.dataset.clean_frame(index)?;
         let sequence = frame.sequence;
-        let truth = color(&frame)?;
+        let truth = frame.rgb(&context.dataset.intrinsics())?;
         let rendered = context.render(sequence).await?;
         if truth.dimensions() != rendered.dimensions() {
             let (expected, found) = (truth.dimensions(), rendered.dimensions());
             return Err(EvaluateError::Size { sequence, expected, found });
         }
         let depth = context.client.render_depth(context.map, sequence).await?;
-        let measured = depth_metres(&frame, context.dataset)?;
+        let measured = frame.depth_metres(context.dataset.depth_unit_metres())?;
         if measured.len() != depth.values.len() {
             let (expected, found) = (truth.dimensions(), (depth.values.len() as u32, 1));
             return Err(EvaluateError::Size { sequence, expected, found });
@@ -116,21 +114,6 @@ pub(crate) async fn score(
     }
     on_step(Step::Rendering { done: selected.len(), of: selected.len() });
     Ok(scores)
-}
-
-/// The color image of a frame.
-pub fn color(frame: &RgbdFrame) -> Result<RgbImage, EvaluateError> {
-    decoded(&frame.color.bytes, frame.sequence).map(|picture| picture.to_rgb8())
-}
-
-/// The depth of a frame, metres; 0 without a measurement.
-pub fn depth_metres(frame: &RgbdFrame, dataset: &dyn Dataset) -> Result<Vec<f32>, EvaluateError> {
-    let unit = dataset.depth_unit_metres();
-    let depth = decoded(&frame.depth.bytes, frame.sequence)?.to_luma16();
-    // 65535 means no measurement or out of range.
-    let metres =
-        |units: &u16| if *units == u16::MAX { 0.0 } else { (f64::from(*units) * unit) as f32 };
-    Ok(depth.as_raw().iter().map(metres).collect())
 }
 
 #[cfg(test)]

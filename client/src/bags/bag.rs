@@ -95,9 +95,14 @@ impl Bag {
         let skipped = unpaired(rig.color_topic(), &colors, &frames, within);
         if frames.is_empty() {
             let first = skipped.first().map_or("there are no pictures", String::as_str);
-            return Err(DatasetError::content(path, format!("no frames: {first}")));
+            let nearest = nearest_seconds(&times[0], &times[1]);
+            let nearest =
+                nearest.map_or(String::new(), |s| format!(" (the nearest is {s:.3} s away)"));
+            return Err(DatasetError::content(path, format!("no frames: {first}{nearest}")));
         }
-        let notes = rig.notes().iter().cloned().chain(look.problems).collect();
+        let unread = look.unread_pictures();
+        let unread = (!unread.is_empty()).then(|| format!("not read: {unread}"));
+        let notes = rig.notes().iter().cloned().chain(unread).chain(look.problems).collect();
         let path = path.to_owned();
         Ok(Self { path, name, files, rig, decoders, frames, skipped, notes })
     }
@@ -116,6 +121,16 @@ impl Bag {
         let world_from_camera = world_from_camera.as_ref().ok().copied();
         Ok(RgbdFrame { world_from_camera, ..frame })
     }
+}
+
+/// How near color and depth come to each other in time, seconds.
+fn nearest_seconds(colors: &[u64], depths: &[u64]) -> Option<f64> {
+    let near = |color: &u64| {
+        let later = depths.partition_point(|depth| depth < color);
+        let around = &depths[later.saturating_sub(1)..depths.len().min(later + 1)];
+        around.iter().map(|depth| depth.abs_diff(*color)).min()
+    };
+    colors.iter().filter_map(near).min().map(|nanos| nanos as f64 / 1e9)
 }
 
 /// Why color pictures have no depth.

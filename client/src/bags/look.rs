@@ -54,6 +54,14 @@ impl Look {
         all.collect::<Vec<_>>().join(", ")
     }
 
+    /// The topics with pictures that are not read, in words; empty if there are none.
+    pub(super) fn unread_pictures(&self) -> String {
+        let has_pictures =
+            |what: &str| ["Image", "Video", "FFMPEG"].iter().any(|n| what.contains(n));
+        let all = self.unread.iter().filter(|(_, what)| has_pictures(what));
+        all.map(|(topic, what)| format!("{topic} ({what})")).collect::<Vec<_>>().join(", ")
+    }
+
     fn take(&mut self, file: usize, message: &Message<'_>) {
         let place = (file, message.place);
         if self.own.take(message, place) {

@@ -268,6 +268,10 @@ fn vector(found: &v1::Vector3) -> [f64; 3] {
 
 fn pose(found: &v1::Pose) -> Option<Isometry3<f64>> {
     let (q, t) = (found.rotation?, found.translation_metres?);
-    let rotation = UnitQuaternion::try_new(Quaternion::new(q.w, q.x, q.y, q.z), 1e-6)?;
+    let quaternion = Quaternion::new(q.w, q.x, q.y, q.z);
+    // The bits that were sent, if they are a rotation.
+    let is_unit = (quaternion.norm() - 1.0).abs() < 1e-9;
+    let normalized = || UnitQuaternion::try_new(quaternion, 1e-6);
+    let rotation = if is_unit { UnitQuaternion::new_unchecked(quaternion) } else { normalized()? };
     Some(Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation))
 }

@@ -265,6 +265,27 @@ fn damaged_messages_and_pictures_without_depth_are_told_of() {
 
 #[test]
 fn what_cannot_be_used_is_told() {
+    // Clocks that do not agree.
+    let mut apart = messages();
+    apart.retain(|message| message.topic != "/depth");
+    for frame in 0..FRAMES {
+        let nanos = 9_000_000_000 + frame * INTERVAL;
+        let data = image(nanos, "16UC1", 16, 1);
+        apart.push(Written { topic: "/depth", schema: IMAGE, nanos, data });
+        let (topic, schema) = ("/video", "foxglove_msgs/msg/CompressedVideo");
+        apart.push(Written { topic, schema, nanos, data: vec![0; 9] });
+    }
+    let (_kept, opened) = written(&mcap_bytes(&apart, chunked(None)));
+    let error = opened.err().unwrap().to_string();
+    assert!(error.contains("away, found none (the nearest is 7.373 s away)"), "{error}");
+    apart.extend(messages().into_iter().filter(|message| message.topic == "/depth"));
+    let (_kept, opened) = written(&mcap_bytes(&apart, chunked(None)));
+    let notes = opened.unwrap().notes().join("\n");
+    assert!(
+        notes.contains("not read: /video (foxglove_msgs/msg/CompressedVideo in cdr)"),
+        "{notes}"
+    );
+
     let folder = tempfile::tempdir().unwrap();
     let scans: Vec<Written> = messages().into_iter().filter(|m| m.topic == "/scan").collect();
     let (_kept, opened) = written(&mcap_bytes(&scans, chunked(None)));

@@ -202,7 +202,7 @@ impl Placement {
                 let [i, j, k, w] = quaternion.unwrap_or([0.0, 0.0, 0.0, 1.0]);
                 pose::from_tum(&[*x, *y, *z, i, j, k, w])
             }
-            _ => Err("expected translation and quaternion = [x, y, z, w], or matrix (4x4)".into()),
+            _ => Err("expected translation and quaternion = [x, y, z, w], or matrix (16 numbers, row by row)".into()),
         }
     }
 }

@@ -7,6 +7,7 @@
 
 mod against;
 mod capture;
+mod decoded;
 mod described;
 mod error;
 mod files;

@@ -11,7 +11,7 @@ pub use client::HttpClient;
 pub use error::HttpError;
 pub use lexsplat_proto::json::{
     Answer, Bounds, Camera, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry, MapState,
-    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, View,
+    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, Up, View,
 };
 pub use map_file::{MapFile, ReadOf};
 pub use project::project;

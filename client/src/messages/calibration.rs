@@ -140,6 +140,9 @@ fn fitted(
         return Ok(lens);
     }
     let calibrated = format!("{}x{}", lens.width, lens.height);
+    if width == 0 || height == 0 {
+        return Err(MessageError::content("expected pictures with pixels"));
+    }
     let shape = |width: u32, height: u32| f64::from(width) / f64::from(height.max(1));
     if lens.width == 0 || (shape(lens.width, lens.height) / shape(width, height) - 1.0).abs() > 0.01
     {

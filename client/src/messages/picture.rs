@@ -9,6 +9,9 @@ use std::borrow::Cow;
 /// Metres per unit of 16-bit depth in messages of ROS (REP 118).
 pub const DEPTH_UNIT_METRES: f64 = 0.001;
 
+/// Encodings of depth.
+const DEPTH_ENCODINGS: [&str; 3] = ["16UC1", "32FC1", "mono16"];
+
 /// A picture in a message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture<'a> {
@@ -110,10 +113,14 @@ impl Picture<'_> {
                 Layout::Millimetres | Layout::Metres => Content::Depth,
             }),
             Pixels::Compressed { format, .. } if is_compressed_depth(format) => Ok(Content::Depth),
-            Pixels::Compressed { data, .. } => match encoded::png_kind(data) {
+            Pixels::Compressed { format, data } => match encoded::png_kind(data) {
                 // Bits and kind of a PNG: grey of 16 bits.
                 Some([16, 0]) => Ok(Content::Depth),
                 Some([_, 0]) => Ok(Content::Grey),
+                None if DEPTH_ENCODINGS.iter().any(|depth| format.starts_with(depth)) => {
+                    let reason = "depth as JPEG has lost its values: publish compressedDepth";
+                    Err(MessageError::content(reason))
+                }
                 _ => encoded::format(data).map(|_| Content::Color),
             },
         }

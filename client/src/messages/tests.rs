@@ -142,6 +142,9 @@ fn compressed_pictures_stay_as_they_are() {
             _ => assert_eq!(picture.color().unwrap().bytes, bytes),
         }
     }
+    let message = compressed("16UC1; jpeg compressed mono8", &[0xff, 0xd8, 0xff]);
+    let error = picture(image, &message).content().unwrap_err().to_string();
+    assert!(error.contains("publish compressedDepth"), "{error}");
     let message = compressed("webp", b"RIFF");
     assert!(picture(image, &message).content().is_err());
 }
@@ -226,6 +229,7 @@ fn calibrations_give_the_camera_of_the_pictures() {
     let half = found.of_pictures((320, 240), false).unwrap();
     assert_eq!((half.camera.intrinsics.fx, half.camera.intrinsics.cx), (250.0, 159.5));
     assert_eq!(half.notes.len(), 1, "it is told of");
+    assert!(found.of_pictures((0, 0), false).is_err());
     let error = found.of_pictures((640, 400), false).unwrap_err().to_string();
     assert!(error.contains("640x480") && error.contains("640x400"), "{error}");
 

@@ -189,7 +189,7 @@ fn score(chosen: &Chosen, most: u64) -> i64 {
 
 fn color_score(color: &Chosen, most: u64) -> i64 {
     let is_color = color.picture.content == Content::Color;
-    score(color, most)
+    score(color, most) - 60 * i64::from(has(color.topic, &["depth"]))
         + 100 * i64::from(is_color)
         + 10 * i64::from(has(color.topic, &["color", "rgb"]))
 }

@@ -31,6 +31,8 @@ pub struct Rig {
     notes: Vec<String>,
     tree: Tree,
     poses: Poses,
+    /// Topics of odometry that is not used.
+    unused: Vec<String>,
     /// The topic of an IMU, if gravity is taken from it.
     imu: Option<String>,
     /// By time.
@@ -54,6 +56,11 @@ impl Rig {
         let poses = Poses::choose(survey, &mut tree, &camera, wanted)?;
         cameras.up = (poses.is_z_up && poses.world.is_ok()).then_some(Z_UP);
         notes.push(told(&poses, &camera));
+        let is_used = |topic: &str| poses.topic.as_ref().is_some_and(|(used, _)| used == topic);
+        let odometry =
+            survey.topics.iter().filter(|(_, seen)| seen.decoder.kind() == Kind::Odometry);
+        let unused =
+            odometry.map(|(topic, _)| topic.clone()).filter(|topic| !is_used(topic)).collect();
         let imu = if cameras.up.is_some() { None } else { imu(survey, &tree, &camera) };
         notes.extend(imu.iter().map(|topic| format!("up is taken from {topic}")));
         let gravity = imu.as_ref().map_or(Vec::new(), |topic| survey.topics[topic].gravity.clone());
@@ -68,7 +75,18 @@ impl Rig {
             notes.push(format!("left aside: {}", aside.join(", ")));
         }
         let [color_topic, depth_topic] = used.map(str::to_owned);
-        Ok(Self { color_topic, depth_topic, camera, cameras, notes, tree, poses, imu, gravity })
+        Ok(Self {
+            color_topic,
+            depth_topic,
+            camera,
+            cameras,
+            notes,
+            tree,
+            poses,
+            unused,
+            imu,
+            gravity,
+        })
     }
 
     /// The topic of color.
@@ -98,26 +116,27 @@ impl Rig {
 
     /// Takes a later message, of transforms, poses or an IMU; its time is set.
     pub fn take(&mut self, topic: &str, reading: Reading<'_>) {
-        let topic_of_poses = self.poses.topic.as_ref();
-        let child =
-            topic_of_poses.filter(|(name, _)| name == topic).map(|(_, child)| child.clone());
-        let overridden = topic_of_poses.map(|(_, child)| child.clone());
-        let all = match (reading, child) {
-            (Reading::Transforms(all), _) => all,
-            (Reading::Pose(posed), Some(_)) => vec![unnamed(posed)],
-            (Reading::Gravity(gravity), _) if self.imu.as_deref() == Some(topic) => {
+        if self.unused.iter().any(|unused| unused == topic) {
+            return;
+        }
+        let is_of_poses = self.poses.topic.as_ref().is_some_and(|(name, _)| name == topic);
+        let all = match reading {
+            Reading::Transforms(all) => all,
+            Reading::Pose(posed) if is_of_poses => vec![unnamed(posed)],
+            Reading::Gravity(gravity) if self.imu.as_deref() == Some(topic) => {
                 return self.gravity.extend(gravity);
             }
             _ => return,
         };
-        let is_of_poses = topic_of_poses.is_some_and(|(name, _)| name == topic);
         for mut transform in all {
-            if let Some(child) = &overridden {
-                if is_of_poses {
+            match (&self.poses.topic, &self.poses.world) {
+                (Some((_, child)), Ok(world)) if is_of_poses => {
                     transform.child.clone_from(child);
-                } else if plain(&transform.child) == child {
-                    continue;
+                    transform.parent.clone_from(world);
                 }
+                // The topic of poses places this frame.
+                (Some((_, child)), _) if plain(&transform.child) == child => continue,
+                _ => {}
             }
             self.tree.add(&transform, is_fixed(topic));
         }
@@ -175,9 +194,9 @@ impl Rig {
 
     /// The direction up in the color camera's coordinates, if an IMU tells it.
     fn up_at(&self, nanos: u64) -> Option<[f64; 3]> {
-        let from = self.gravity.partition_point(|g| g.nanos + STEADY_NANOS < nanos);
+        let from = self.gravity.partition_point(|g| g.nanos.saturating_add(STEADY_NANOS) < nanos);
         let near = self.gravity[from..].iter();
-        let near = near.take_while(|gravity| gravity.nanos <= nanos + STEADY_NANOS);
+        let near = near.take_while(|gravity| gravity.nanos <= nanos.saturating_add(STEADY_NANOS));
         let frame_id = &self.gravity.get(from)?.frame_id;
         let sum: Vector3<f64> = near.map(|gravity| gravity.up).sum();
         let up = sum.try_normalize(1e-6)?;

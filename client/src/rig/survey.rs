@@ -57,6 +57,7 @@ impl Survey {
             Reading::Picture(picture) if seen.picture.is_none() => {
                 let found = picture.content().and_then(|content| Ok((content, picture.size()?)));
                 match found {
+                    Ok((_, (0, _) | (_, 0))) => seen.problem = Some("it has no pixels".into()),
                     Ok((content, size)) => {
                         let frame_id = picture.frame_id;
                         seen.picture = Some(PictureSeen { content, size, frame_id });

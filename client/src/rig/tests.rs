@@ -138,6 +138,13 @@ fn later_messages_move_the_robot_on() {
     assert!((x(&rig, 5 * SECOND / 2) - 7.12).abs() < 1e-9);
     assert!((x(&rig, 0) - 0.12).abs() < 1e-9);
     rig.forget_before(2 * SECOND);
+    // Odometry that is not used says nothing.
+    let mut survey = robot();
+    survey.add("/odom", Decoder::of("cdr", "nav_msgs/msg/Odometry").unwrap());
+    let mut other = Rig::of(&survey, &Wanted::default()).unwrap();
+    let drifted = vec![transform("odom", "base", 3 * SECOND / 2, at(99.0))];
+    other.take("/odom", Reading::Transforms(drifted));
+    assert!((x(&other, 3 * SECOND / 2) - 1.62).abs() < 1e-9);
     assert!((x(&rig, 5 * SECOND / 2) - 7.12).abs() < 1e-9);
     assert!(rig.pose_at(0).is_err(), "it is forgotten");
 }
@@ -171,6 +178,9 @@ fn what_is_missing_is_told() {
         assert!(error.to_string().contains(expected), "{error}");
     };
     missing(&survey, "a topic with color pictures, found no topic that can be read");
+    pictures(&mut survey, "/nothing", raw("rgb8", "color", (0, 0)));
+    missing(&survey, "found /nothing (sensor_msgs/msg/Image: it has no pixels)");
+    survey = Survey::default();
     pictures(&mut survey, "/rgb", raw("rgb8", "color", BIG));
     missing(
         &survey,
@@ -244,6 +254,16 @@ fn poses_come_from_odometry_or_a_topic_of_poses_where_no_tree_has_them() {
         let error = Rig::of(&survey, &wanted(options)).unwrap_err().to_string();
         assert!(error.starts_with(expected), "{error}");
     }
+    // A sender that puts the camera's own name where the world's belongs.
+    survey.add("/vslam", Decoder::of("cdr", "geometry_msgs/msg/PoseStamped").unwrap());
+    let own = |second: u64| {
+        let pose = at(second as f64);
+        Reading::Pose(Posed { nanos: second * SECOND, frame_id: "color".into(), pose })
+    };
+    (0..3).for_each(|second| survey.take("/vslam", own(second)));
+    let mut rig = Rig::of(&survey, &wanted("pose=/vslam")).unwrap();
+    rig.take("/vslam", own(3));
+    assert_eq!((x(&rig, SECOND), x(&rig, 3 * SECOND)), (1.0, 3.0));
     // Live messages of the topic move it on; those of the tree about the same frame do not.
     let mut rig = Rig::of(&survey, &Wanted::default()).unwrap();
     let both =

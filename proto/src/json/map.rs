@@ -57,6 +57,9 @@ pub struct Status {
     /// What is wrong with the recording that the map was rebuilt from; absent if nothing is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording_damage: Option<String>,
+    /// The direction up; absent while the map is empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<Up>,
     /// What is probably wrong with the frames that were sent, one entry for each problem; left out if
     /// there is none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -85,6 +88,21 @@ pub struct LoadProgress {
     pub frames_done: u64,
     /// Frames in the recording; 0 if they are not counted yet.
     pub frames_total: u64,
+}
+
+/// The direction up in a map's coordinates. The best source that there is counts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Up {
+    /// Unit length.
+    pub direction: [f64; 3],
+    /// "given": by the sender. "gravity": measured with the frames. "floor": floors and other level surfaces, and
+    /// walls. "camera": a guess, the cameras' upper side.
+    pub source: String,
+    /// How much speaks for it, 0 to 1: 1 if it was given; with gravity the share of the readings within 10
+    /// degrees of it; with floors how much more of the surfaces than by chance is level or upright, within 10
+    /// degrees; 0 for a guess.
+    pub confidence: f64,
 }
 
 /// What is probably wrong with frames. They are mapped all the same.

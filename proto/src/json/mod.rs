@@ -21,7 +21,7 @@ pub use camera::{Camera, View};
 pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RevisionEvent};
 pub use health::{Health, MapLoading};
 pub use map::{
-    Frames, InputWarning, Keyframe, LoadProgress, MapState, Maps, NewMap, Restored, Status,
+    Frames, InputWarning, Keyframe, LoadProgress, MapState, Maps, NewMap, Restored, Status, Up,
 };
 pub use problem::Problem;
 pub use question::{Bounds, Question};

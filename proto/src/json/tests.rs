@@ -143,6 +143,7 @@ fn maps_and_keyframes() {
         settled: true,
         failure: None,
         recording_damage: None,
+        up: None,
         input_warnings: Vec::new(),
     };
     let json = concat!(

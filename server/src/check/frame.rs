@@ -4,11 +4,12 @@ use super::camera;
 use super::cameras;
 use super::color;
 use super::depth;
+use super::direction::direction;
 use super::labels;
 use super::limits::Limits;
 use super::opening::Opening;
 use super::refusal::Refusal;
-use crate::pipeline::frame::{Frame, PoseHint};
+use crate::pipeline::frame::{Frame, FrameUp, PoseHint};
 use crate::pipeline::registration::RawFrame;
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix6};
@@ -39,6 +40,9 @@ pub(crate) fn frame(
     let size = (intrinsics.width, intrinsics.height);
     let pose = pose(wire, opening.estimates_poses)?;
     let covariance = covariance(&wire.pose_covariance)?;
+    // Without a pose or a hint the sender does not know the map's coordinates.
+    let in_world = opening.up.filter(|_| pose.is_some());
+    let up = FrameUp { in_world, in_camera: direction("up", wire.up.as_ref())? };
     let (world_from_camera, hint) = match pose {
         Some(world_from_camera) if opening.estimates_poses => {
             (None, Some(Box::new(PoseHint { world_from_camera, covariance })))
@@ -59,6 +63,7 @@ pub(crate) fn frame(
         hint,
         labels,
         held_out: wire.held_out,
+        up,
     }))
 }
 

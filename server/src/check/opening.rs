@@ -1,11 +1,13 @@
 //! Opening messages of streams.
 
 use super::cameras;
+use super::direction::direction;
 use super::labels;
 use super::limits::Limits;
 use super::refusal::Refusal;
 use crate::pipeline::registration::Registration;
 use lexsplat_proto::v1;
+use nalgebra::UnitVector3;
 use std::sync::Arc;
 
 /// The largest size of one unit of depth, metres.
@@ -30,6 +32,8 @@ pub(crate) struct Opening {
     pub(crate) estimates_poses: bool,
     /// Text of each label; empty if frames carry no labels.
     pub(crate) label_texts: Arc<[String]>,
+    /// The direction up in the coordinates of the poses or hints.
+    pub(crate) up: Option<UnitVector3<f64>>,
 }
 
 /// Which depths count as measurements.
@@ -69,7 +73,8 @@ pub(crate) fn opening(open: &v1::OpenMap, limits: &Limits) -> Result<Opening, Re
     let depth_unit_metres = (unit > 0.0).then_some(unit);
     let label_texts = labels::texts(&open.label_texts)?;
     let depths = depths(open, limits)?;
-    Ok(Opening { registration, depth_unit_metres, depths, estimates_poses, label_texts })
+    let up = direction("up", open.up.as_ref())?;
+    Ok(Opening { registration, depth_unit_metres, depths, estimates_poses, label_texts, up })
 }
 
 fn depths(open: &v1::OpenMap, limits: &Limits) -> Result<Depths, Refusal> {

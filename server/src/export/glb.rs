@@ -4,10 +4,11 @@
 //! Attributes follow the extension: positions, rotations (x, y, z, w), linear scales in metres,
 //! opacities in 0..1 and coefficients of the zeroth spherical harmonic, all float32. Viewers
 //! without the extension show points with `COLOR_0`. Values are in the map's world. The node's
-//! rotation turns its axes (y down, z forward) into those of glTF (y up, z backward).
+//! rotation turns them, so that y is up as glTF demands.
 
 use super::splat::{Splat, byte, splats};
 use lexsplat_gpu::HostGaussians;
+use nalgebra::UnitQuaternion;
 use serde_json::{Value, json};
 
 /// "glTF" in ASCII.
@@ -20,9 +21,9 @@ const UNSIGNED_BYTE: u32 = 5121;
 /// Component type of glTF.
 const FLOAT: u32 = 5126;
 
-/// The color heads as `splats.glb`. An empty map has a scene without nodes: accessors must not be
+/// The color heads as `splats.glb`; `turn` is the rotation of the node. An empty map has a scene without nodes: accessors must not be
 /// empty.
-pub(super) fn splats_glb(gaussians: &HostGaussians) -> Vec<u8> {
+pub(super) fn splats_glb(gaussians: &HostGaussians, turn: &UnitQuaternion<f64>) -> Vec<u8> {
     let all: Vec<Splat> = splats(gaussians).collect();
     let mut buffer = Buffer::default();
     let generator = concat!("lexsplat ", env!("CARGO_PKG_VERSION"));
@@ -42,8 +43,7 @@ pub(super) fn splats_glb(gaussians: &HostGaussians) -> Vec<u8> {
         "extensionsUsed": ["KHR_gaussian_splatting"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        // Half a turn about x: (x, y, z, w).
-        "nodes": [{"mesh": 0, "rotation": [1.0, 0.0, 0.0, 0.0]}],
+        "nodes": [{"mesh": 0, "rotation": [turn.i, turn.j, turn.k, turn.w]}],
         "meshes": [{"primitives": [{
             "mode": 0,
             "attributes": attributes,
@@ -163,8 +163,10 @@ mod tests {
 
     #[test]
     fn attributes_have_the_extensions_names_and_values() {
-        let file = splats_glb(&two());
+        let turn = UnitQuaternion::from_euler_angles(0.2, 0.5, -0.1);
+        let file = splats_glb(&two(), &turn);
         let (document, data) = parts(&file);
+        assert_eq!(document["nodes"][0]["rotation"], json!(turn.coords.as_slice()), "x, y, z, w");
         let primitive = &document["meshes"][0]["primitives"][0];
         assert_eq!(document["buffers"][0]["byteLength"], data.len());
         let floats = |name: &str| -> Vec<f32> {
@@ -191,7 +193,7 @@ mod tests {
 
     #[test]
     fn an_empty_map_is_an_empty_scene() {
-        let file = splats_glb(&HostGaussians::default());
+        let file = splats_glb(&HostGaussians::default(), &UnitQuaternion::identity());
         let (document, data) = parts(&file);
         assert!(data.is_empty() && document.get("accessors").is_none(), "{document}");
     }

@@ -15,19 +15,23 @@ mod splat;
 mod spz;
 mod trajectory_json;
 mod tum;
+mod upright;
 
 pub use labels::{label_color, labelled_points_ply, labels_png};
 pub use npy::npy;
 pub use ply::scored_points_ply;
 pub use png::{depth_png, heatmap_png, rgb_png};
 pub use tum::{seconds, trajectory};
+pub use upright::FileUp;
 
 use crate::pipeline::engine::Engine;
 use crate::pipeline::query::{self, Client, Query, QueryError};
 use crate::pipeline::snapshot::MapSnapshot;
+use nalgebra::Vector3;
 use std::str::FromStr;
 use std::sync::Arc;
 use trajectory_json::trajectory_json;
+use upright::{turn, turned};
 
 /// File formats of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -81,13 +85,15 @@ pub enum ExportError {
     Panicked,
 }
 
-/// Options of a mesh.
+/// Options of a file.
 #[derive(Clone, Debug, Default)]
-pub struct MeshOptions {
-    /// Side of a voxel, metres; `None`: [`query::DEFAULT_VOXEL_METRES`].
+pub struct FileOptions {
+    /// Of a mesh: side of a voxel, metres; `None`: [`query::DEFAULT_VOXEL_METRES`].
     pub voxel_metres: Option<f32>,
-    /// Query for the relevancy of the vertices.
+    /// Of a mesh: query for the relevancy of the vertices.
     pub question: Option<Query>,
+    /// Which way is up; `None`: as the format demands, otherwise as in the map.
+    pub up: Option<FileUp>,
 }
 
 impl Format {
@@ -114,6 +120,14 @@ impl Format {
             Self::MeshPly => "mesh.ply",
             Self::TrajectoryTum => "trajectory.tum",
             Self::TrajectoryJson => "trajectory.json",
+        }
+    }
+
+    /// Which way is up if nobody says so: glTF defines it, the others do not.
+    fn usual_up(self) -> FileUp {
+        match self {
+            Self::SplatsGlb => FileUp::Axis(Vector3::y_axis()),
+            _ => FileUp::Map,
         }
     }
 
@@ -146,23 +160,24 @@ pub async fn file(
     client: &Client,
     snapshot: Arc<MapSnapshot>,
     format: Format,
-    options: MeshOptions,
+    options: FileOptions,
 ) -> Result<Vec<u8>, ExportError> {
-    let write: fn(&MapSnapshot) -> Result<Vec<u8>, ExportError> = match format {
-        Format::MeshPly => return mesh_file(engine, client, snapshot, options).await,
-        Format::SplatsPly => |snapshot| Ok(ply::splats_ply(&snapshot.gaussians)),
-        Format::SplatsSpz => |snapshot| Ok(spz::splats_spz(&snapshot.gaussians)?),
-        Format::SplatsGlb => |snapshot| Ok(glb::splats_glb(&snapshot.gaussians)),
-        Format::LanguageNpz => |snapshot| Ok(npz::language_npz(snapshot)),
-        Format::PointsPly => |snapshot| Ok(ply::points_ply(&snapshot.gaussians)),
-        Format::TrajectoryJson => |snapshot| Ok(trajectory_json(&snapshot.trajectory)),
-        Format::TrajectoryTum => |snapshot| Ok(trajectory(&snapshot.trajectory).into_bytes()),
+    let up = options.up.unwrap_or(format.usual_up());
+    let write: fn(&MapSnapshot, FileUp) -> Result<Vec<u8>, ExportError> = match format {
+        Format::MeshPly => return mesh_file(engine, client, snapshot, up, options).await,
+        Format::SplatsPly => |map, up| Ok(ply::splats_ply(&turned(map, up).gaussians)),
+        Format::SplatsSpz => |map, up| Ok(spz::splats_spz(&turned(map, up.for_spz()).gaussians)?),
+        Format::SplatsGlb => |map, up| Ok(glb::splats_glb(&map.gaussians, &turn(map, up))),
+        Format::LanguageNpz => |map, up| Ok(npz::language_npz(&turned(map, up))),
+        Format::PointsPly => |map, up| Ok(ply::points_ply(&turned(map, up).gaussians)),
+        Format::TrajectoryJson => |map, up| Ok(trajectory_json(&turned(map, up).trajectory)),
+        Format::TrajectoryTum => |map, up| Ok(trajectory(&turned(map, up).trajectory).into_bytes()),
     };
     let given = [("voxel", options.voxel_metres.is_some()), ("text", options.question.is_some())];
     if let Some((field, _)) = given.into_iter().find(|(_, given)| *given) {
         return Err(ExportError::NotForFormat { field, format: format.name() });
     }
-    let written = tokio::task::spawn_blocking(move || write(&snapshot)).await;
+    let written = tokio::task::spawn_blocking(move || write(&snapshot, up)).await;
     written.map_err(|_| ExportError::Panicked)?
 }
 
@@ -170,8 +185,11 @@ async fn mesh_file(
     engine: &Engine,
     client: &Client,
     snapshot: Arc<MapSnapshot>,
-    options: MeshOptions,
+    up: FileUp,
+    options: FileOptions,
 ) -> Result<Vec<u8>, ExportError> {
+    let turned = tokio::task::spawn_blocking(move || Arc::new(turned(&snapshot, up).into_owned()));
+    let snapshot = turned.await.map_err(|_| ExportError::Panicked)?;
     let voxel = options.voxel_metres.unwrap_or(query::DEFAULT_VOXEL_METRES);
     let mesh = engine.mesh(client, snapshot, voxel, options.question).await?;
     let written = tokio::task::spawn_blocking(move || mesh::mesh_ply(&mesh)).await;

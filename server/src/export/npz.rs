@@ -75,6 +75,7 @@ mod tests {
             online: stage.into(),
             trajectory: Arc::default(),
             keyframes: Arc::default(),
+            up: None,
         };
         let mut zip = zip::ZipArchive::new(Cursor::new(language_npz(&snapshot))).unwrap();
         let mut names: Vec<String> =

@@ -21,6 +21,7 @@ use std::sync::Arc;
 pub(super) struct AllOptions {
     voxel: Option<f32>,
     text: Option<String>,
+    up: Option<String>,
     wait: Option<String>,
     min_sequence: Option<u64>,
     wait_seconds: Option<f64>,
@@ -28,8 +29,8 @@ pub(super) struct AllOptions {
 
 impl AllOptions {
     fn split(self) -> (WaitOptions, ExportOptions) {
-        let Self { voxel, text, wait, min_sequence, wait_seconds } = self;
-        (WaitOptions { wait, min_sequence, wait_seconds }, ExportOptions { voxel, text })
+        let Self { voxel, text, up, wait, min_sequence, wait_seconds } = self;
+        (WaitOptions { wait, min_sequence, wait_seconds }, ExportOptions { voxel, text, up })
     }
 }
 
@@ -48,6 +49,7 @@ impl AllOptions {
         (status = 304, description = "the file still has the entity tag in If-None-Match"),
         (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or file", body = json::Problem, content_type = "application/problem+json"),
+        (status = 409, description = "the map is too far from the origin for the format", body = json::Problem, content_type = "application/problem+json"),
         (status = 416, description = "the range is outside the file", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
@@ -67,8 +69,9 @@ pub(super) async fn file(
     if let Some(file) = state.last_file.get(&snapshot, format, &options) {
         return Ok((of, respond(file, &headers, format.media_type())).into_response());
     }
-    let mesh = check::mesh_options(options.voxel, options.text.as_deref())?;
-    let data = export::file(state.engine(), &client, snapshot.clone(), format, mesh).await?;
+    let ExportOptions { voxel, text, up } = &options;
+    let checked = check::file_options(*voxel, text.as_deref(), up.as_deref())?;
+    let data = export::file(state.engine(), &client, snapshot.clone(), format, checked).await?;
     let tagged = tokio::task::spawn_blocking(move || {
         let digest = Sha256::digest(&data);
         let etag: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();

@@ -6,13 +6,16 @@ use crate::pipeline::snapshot::MapSnapshot;
 use std::sync::{Arc, Mutex, Weak};
 use utoipa::IntoParams;
 
-/// The options of `mesh.ply` in the query string.
+/// The options of a file in the query string.
 #[derive(Clone, Debug, Default, PartialEq, IntoParams)]
 pub(super) struct ExportOptions {
     /// mesh.ply: side of a voxel, 0.002 to 1 metre; 0.02 if absent.
     pub(super) voxel: Option<f32>,
     /// mesh.ply: a text; its relevancy becomes a property of the vertices.
     pub(super) text: Option<String>,
+    /// The axis of the file that points up: x, y, z, -x, -y or -z. The map is turned about its origin. "map": its
+    /// own coordinates. If absent, y for splats.glb, as glTF demands, and "map" for all others.
+    pub(super) up: Option<String>,
 }
 
 /// The last exported file: a client that fetches a file in parts gets all parts from one export.

@@ -7,6 +7,7 @@ use crate::pipeline::input_warning::InputWarning;
 use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing};
 use crate::pipeline::snapshot::KeyframeInfo;
+use crate::pipeline::up::MapUp;
 use lexsplat_proto::json;
 use nalgebra::Isometry3;
 
@@ -56,7 +57,17 @@ pub(super) fn status(status: MapStatus) -> json::Status {
         settled: status.settled,
         failure: status.failure,
         recording_damage: status.recording_damage,
+        up: status.up.map(up),
         input_warnings: status.input_warnings.into_iter().map(input_warning).collect(),
+    }
+}
+
+fn up(up: MapUp) -> json::Up {
+    let MapUp { direction, source, confidence } = up;
+    json::Up {
+        direction: direction.into_inner().into(),
+        source: source.as_str().into(),
+        confidence,
     }
 }
 

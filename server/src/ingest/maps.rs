@@ -8,6 +8,7 @@ use crate::maps::Listed;
 use crate::pipeline::input_warning::{InputProblem, InputWarning};
 use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::Client;
+use crate::pipeline::up::MapUp;
 use lexsplat_proto::v1;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -58,6 +59,17 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
         failure: status.failure.unwrap_or_default(),
         recording_damage: status.recording_damage.unwrap_or_default(),
         input_warnings: wire_warnings(status.input_warnings),
+        up: status.up.map(wire_up),
+    }
+}
+
+fn wire_up(up: MapUp) -> v1::MapUp {
+    let MapUp { direction, source, confidence } = up;
+    let direction = v1::Vector3 { x: direction.x, y: direction.y, z: direction.z };
+    v1::MapUp {
+        direction: Some(direction),
+        source: source.as_str().into(),
+        confidence: confidence as f32,
     }
 }
 
@@ -88,7 +100,7 @@ pub(super) async fn export(
     let map = map.map_err(|error| status::of_maps(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
     let text = (!request.text.is_empty()).then_some(&*request.text);
-    let options = check::mesh_options(request.voxel_metres, text)
+    let options = check::file_options(request.voxel_metres, text, Some(&request.up))
         .map_err(|refusal| status::refused(&refusal))?;
     let wait = check::wait(Some(&request.wait), request.min_sequence, request.wait_seconds)
         .map_err(|refusal| status::refused(&refusal))?;

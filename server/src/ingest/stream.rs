@@ -15,7 +15,9 @@ use crate::check::{self, Opening, Refusal};
 use crate::maps::Recording;
 use crate::pipeline::frame::{FrameOutcome, Intrinsics, TrackingState};
 use crate::pipeline::map::Map;
-use crate::telemetry::{DECODE_SECONDS, FRAME_SECONDS, REFUSED, STREAMS};
+use crate::telemetry::{
+    DECODE_SECONDS, FRAME_SECONDS, REFUSED, REGISTRATION_SECONDS, STREAMS, timed,
+};
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, frame_message::Message};
 use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
@@ -167,7 +169,8 @@ impl Reader {
         let sequence = wire.sequence;
         let (wire, checked) = tokio::task::spawn_blocking(move || {
             let checked = check::frame(&wire, &opening, newest, &limits);
-            (wire, checked.map(|raw| opening.registration.register(raw)))
+            let register = |raw| timed(REGISTRATION_SECONDS, || opening.registration.register(raw));
+            (wire, checked.map(register))
         })
         .await
         .map_err(|_| Status::internal(format!("decoding frame {sequence} panicked")))?;

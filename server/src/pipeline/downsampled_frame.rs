@@ -160,7 +160,7 @@ fn nearest_surface(depths: impl Iterator<Item = f32> + Clone) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame::Intrinsics;
+    use super::super::frame::{FrameUp, Intrinsics};
     use super::*;
 
     /// A frame whose columns differ in color, with one hole and one near pixel.
@@ -181,6 +181,7 @@ mod tests {
             hint: None,
             labels: None,
             held_out: false,
+            up: FrameUp::default(),
         }
     }
 

@@ -7,7 +7,7 @@ use super::exposure;
 use super::input_warning::InputWarning;
 use super::pose_covariance::carried;
 use super::saving::{packed, texts};
-use nalgebra::{Isometry3, Matrix6};
+use nalgebra::{Isometry3, Matrix6, UnitVector3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -82,6 +82,17 @@ pub struct Frame {
     pub labels: Option<Labels>,
     /// Whether the frame is only tracked and never becomes a keyframe.
     pub held_out: bool,
+    /// What is known of the direction up.
+    pub up: FrameUp,
+}
+
+/// What a frame says of the direction up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameUp {
+    /// In the coordinates of the frame's pose or hint, as the sender of its stream says; `None` without one.
+    pub in_world: Option<UnitVector3<f64>>,
+    /// In the camera's coordinates, as an accelerometer measured it.
+    pub in_camera: Option<UnitVector3<f64>>,
 }
 
 /// Labels sent with a frame: a text for each pixel.

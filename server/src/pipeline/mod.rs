@@ -36,3 +36,4 @@ mod saving;
 pub mod snapshot;
 mod srd;
 pub mod tracker;
+pub mod up;

@@ -2,6 +2,7 @@
 
 use super::compressor::OnlineStage;
 use super::frame::{Intrinsics, TrackedFrame};
+use super::up::MapUp;
 use lexsplat_gpu::HostGaussians;
 use std::sync::Arc;
 
@@ -23,6 +24,8 @@ pub struct MapSnapshot {
     pub trajectory: Arc<Vec<TrackedFrame>>,
     /// The keyframes, in order.
     pub keyframes: Arc<Vec<KeyframeInfo>>,
+    /// The direction up; `None` while the map is empty.
+    pub up: Option<MapUp>,
 }
 
 /// A keyframe as readers see it.

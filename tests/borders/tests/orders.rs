@@ -71,6 +71,7 @@ pub const CRATES: &[Declared] = &[
                 "pipeline/depth_gaps",
                 "pipeline/features",
                 "pipeline/registration",
+                "pipeline/up",
             ],
             &["pipeline/input_check", "pipeline/network"],
             &["pipeline/compressor"],
@@ -109,7 +110,7 @@ pub const CRATES: &[Declared] = &[
         levels: &[
             &["access", "npy"],
             &["dataset/error", "dataset/frame", "dataset/name", "dataset/natural", "dataset/text"],
-            &["dataset/truth"],
+            &["dataset/decoded", "dataset/truth"],
             &["dataset/source"],
             &["dataset/layer"],
             &["dataset/against", "dataset/part"],

@@ -2,7 +2,7 @@
 
 use crate::access::AccessOptions;
 use crate::waiting::{self, Waiting};
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::http::{HttpClient, MapFile};
@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// Save a map as a file
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat export --map kitchen --format ply kitchen.ply\n  \
-                        lexsplat export --map kitchen --format mesh --voxel 0.03 --text cup kitchen.ply")]
+                        lexsplat export --map kitchen --format mesh --voxel 0.03 --text cup kitchen.ply\n  \
+                        lexsplat export --map kitchen --format spz --up y kitchen.spz")]
 pub struct Export {
     /// The map
     #[arg(long, value_name = "NAME")]
@@ -25,6 +26,11 @@ pub struct Export {
     /// Mesh: a text; its relevancy becomes a property of the vertices
     #[arg(long, value_name = "WORDS")]
     text: Option<String>,
+    /// The axis of the file that points up, or map: the map's own coordinates, which is the default for all but
+    /// glb
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true,
+          value_parser = ["x", "y", "z", "-x", "-y", "-z", "map"])]
+    up: Option<String>,
     /// The server's HTTP address
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     http: String,
@@ -55,32 +61,29 @@ enum Format {
 }
 
 impl Format {
-    /// Name of the file in the export route; `None` if the server has a separate route.
-    fn file(self) -> Option<&'static str> {
+    /// Name of the file in the export route.
+    fn file(self) -> &'static str {
         match self {
-            Self::Ply => Some("splats.ply"),
-            Self::Points => Some("points.ply"),
-            Self::Spz => Some("splats.spz"),
-            Self::Glb => Some("splats.glb"),
-            Self::Mesh => Some("mesh.ply"),
-            Self::Language => Some("language.npz"),
-            Self::Tum => None,
+            Self::Ply => "splats.ply",
+            Self::Points => "points.ply",
+            Self::Spz => "splats.spz",
+            Self::Glb => "splats.glb",
+            Self::Mesh => "mesh.ply",
+            Self::Language => "language.npz",
+            Self::Tum => "trajectory.tum",
         }
     }
 }
 
 /// Runs the command.
 pub async fn run(arguments: &Export) -> Result<()> {
-    let Export { map, format, voxel, text, http, access, waiting, file } = arguments;
+    let Export { map, format, voxel, text, up, http, access, waiting, file } = arguments;
     let client = waiting.client(http, &access.read()?)?;
     let mut options = Vec::new();
     options.extend(voxel.map(|metres| ("voxel", metres.to_string())));
     options.extend(text.clone().map(|text| ("text", text)));
-    let MapFile { bytes, of } = match format.file() {
-        Some(name) => download(&client, map, name, &options).await?,
-        None if !options.is_empty() => bail!("--voxel and --text are for --format mesh"),
-        None => waiting::shown(client.trajectory(map)).await?,
-    };
+    options.extend(up.clone().map(|axis| ("up", axis)));
+    let MapFile { bytes, of } = download(&client, map, format.file(), &options).await?;
     waiting::note(&of);
     save(file, &bytes)?;
     println!("wrote {} ({:.1} MB)", file.display(), bytes.len() as f64 / 1e6);
@@ -131,10 +134,16 @@ mod tests {
             let line = ["export", "--map", "m", "--format", format, "out"];
             Line::try_parse_from(line).map(|line| line.export.format.file())
         };
-        assert_eq!(file("ply").unwrap(), Some("splats.ply"));
-        assert_eq!(file("mesh").unwrap(), Some("mesh.ply"));
-        assert_eq!(file("tum").unwrap(), None);
+        assert_eq!(file("ply").unwrap(), "splats.ply");
+        assert_eq!(file("mesh").unwrap(), "mesh.ply");
+        assert_eq!(file("tum").unwrap(), "trajectory.tum");
         assert!(file("obj").is_err());
+        let up = |axis: &str| {
+            let line = ["export", "--map", "m", "--format", "ply", "--up", axis, "out"];
+            Line::try_parse_from(line).map(|line| line.export.up)
+        };
+        assert_eq!(up("-y").unwrap().as_deref(), Some("-y"));
+        assert!(up("up").is_err());
         assert!(Line::try_parse_from(["export", "--format", "ply", "out"]).is_err(), "no map");
     }
 

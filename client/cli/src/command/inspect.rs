@@ -143,6 +143,9 @@ mod tests {
             std::fs::write(path, "").unwrap();
             assert_eq!(spec(text).unwrap().to_string(), format!("{kind}:{text}"));
         }
+        let old = format!("{text}/old.bag");
+        std::fs::write(&old, "").unwrap();
+        assert!(spec(&old).unwrap_err().to_string().contains("a bag of ROS 1: convert it"));
         let file = format!("{text}/bag_0.mcap");
         assert_eq!(spec(&file).unwrap().to_string(), format!("mcap:{file}"));
         let wanted = format!("{file}?color=/rgb");

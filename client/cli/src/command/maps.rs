@@ -4,7 +4,7 @@ use crate::access::AccessOptions;
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use lexsplat_client::http::{HttpClient, MapState, Status};
+use lexsplat_client::http::{HttpClient, MapState, Status, Up};
 use lexsplat_evaluate::table::{Column, table};
 use std::fs::File;
 use std::io::Write as _;
@@ -86,13 +86,14 @@ fn listed(maps: &[Status]) -> String {
     if maps.is_empty() {
         return "there is no map\n".into();
     }
-    let columns = [Column::left("map"), Column::left("state")].into_iter();
+    let columns = ["map", "state", "up"].map(Column::left).into_iter();
     let numbers = ["frames", "lost", "keyframes", "Gaussians", "MB"].map(Column::right);
     let row = |map: &Status| {
         let megabytes = (map.gpu_bytes + map.keyframe_bytes) as f64 / 1e6;
         vec![
             map.name.clone(),
             state(map),
+            map.up.as_ref().map_or("-".into(), up),
             map.frames_received.to_string(),
             map.frames_lost.to_string(),
             map.keyframes.to_string(),
@@ -101,6 +102,14 @@ fn listed(maps: &[Status]) -> String {
         ]
     };
     table(&columns.chain(numbers).collect::<Vec<_>>(), &maps.iter().map(row).collect::<Vec<_>>())
+}
+
+/// The axis that is nearest to up, and where up is known from.
+fn up(up: &Up) -> String {
+    let largest = |a: &usize, b: &usize| up.direction[*a].abs().total_cmp(&up.direction[*b].abs());
+    let axis = (0..3).max_by(largest).unwrap_or_default();
+    let sign = if up.direction[axis] < 0.0 { "-" } else { "" };
+    format!("{sign}{} ({})", ["x", "y", "z"][axis], up.source)
 }
 
 fn state(map: &Status) -> String {
@@ -191,6 +200,9 @@ mod tests {
         assert!(listed(&[]).contains("no map"));
         let text = listed(&[status(json!({}))]);
         assert!(text.contains("settled") && text.contains("48213"), "{text}");
+        let known =
+            json!({"up": {"direction": [0.1, -0.99, 0.1], "source": "floor", "confidence": 0.8}});
+        assert!(listed(&[status(known)]).contains("-y (floor)"));
         let loading = json!({"state": "loading", "settled": false,
             "loading": {"frames_done": 12, "frames_total": 60}});
         assert_eq!(state(&status(loading)), "loading, 12 of 60 frames");

@@ -17,6 +17,7 @@ use std::sync::Arc;
 #[command(after_help = "Examples:\n  lexsplat stream --dataset synthetic:7\n  \
                         lexsplat stream --dataset replica:room0 --map room0 --stride 2\n  \
                         lexsplat stream --dataset 7scenes:redkitchen/seq-01 --realtime\n  \
+                        lexsplat stream --dataset 'mcap:walk.mcap?color=/rgb/image_raw&world=odom'\n  \
                         lexsplat stream --dataset replica:room0 --sensor kinect --blackout 100..110")]
 pub struct Stream {
     /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, r3d:FILE, scannet:FILE,

@@ -1,6 +1,5 @@
 //! A clean frame, decoded: linear light and metres of each pixel.
 
-use image::DynamicImage;
 use lexsplat_client::dataset::{DatasetError, Intrinsics, RgbdFrame};
 
 /// The pictures of a frame as numbers, row by row.
@@ -20,13 +19,7 @@ impl Clean {
         camera: Intrinsics,
         unit_metres: f64,
     ) -> Result<Self, DatasetError> {
-        let light = light(frame)?;
-        let units = decoded(&frame.depth.bytes, frame.sequence)?.to_luma16();
-        // 65535 means no measurement or out of range.
-        let metres = |units: &u16| {
-            if *units == u16::MAX { 0.0 } else { (f64::from(*units) * unit_metres) as f32 }
-        };
-        let depth: Vec<f32> = units.as_raw().iter().map(metres).collect();
+        let (light, depth) = (light(frame, &camera)?, frame.depth_metres(unit_metres)?);
         let expected = camera.width as usize * camera.height as usize;
         for found in [light.len(), depth.len()] {
             if found != expected {
@@ -51,8 +44,8 @@ impl Clean {
 }
 
 /// Mean brightness of a frame's picture, linear.
-pub(super) fn mean_brightness(frame: &RgbdFrame) -> Result<f32, DatasetError> {
-    let light = light(frame)?;
+pub(super) fn mean_brightness(frame: &RgbdFrame, camera: &Intrinsics) -> Result<f32, DatasetError> {
+    let light = light(frame, camera)?;
     let sum: f64 = light.iter().map(|rgb| f64::from(luminance(*rgb))).sum();
     Ok((sum / light.len().max(1) as f64) as f32)
 }
@@ -61,14 +54,10 @@ fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-fn light(frame: &RgbdFrame) -> Result<Vec<[f32; 3]>, DatasetError> {
+fn light(frame: &RgbdFrame, camera: &Intrinsics) -> Result<Vec<[f32; 3]>, DatasetError> {
     let linear: [f32; 256] = std::array::from_fn(|byte| from_srgb(byte as f32 / 255.0));
-    let picture = decoded(&frame.color.bytes, frame.sequence)?.to_rgb8();
+    let picture = frame.rgb(camera)?;
     Ok(picture.pixels().map(|pixel| pixel.0.map(|byte| linear[usize::from(byte)])).collect())
-}
-
-fn decoded(bytes: &[u8], sequence: u64) -> Result<DynamicImage, DatasetError> {
-    image::load_from_memory(bytes).map_err(|source| DatasetError::Decode { sequence, source })
 }
 
 fn from_srgb(s: f32) -> f32 {

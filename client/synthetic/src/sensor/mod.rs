@@ -88,7 +88,8 @@ impl Sensed {
             return Ok(*known);
         }
         // A black picture has no gain.
-        let brightness = mean_brightness(&self.dataset.frame(index)?)?.max(1e-3);
+        let camera = self.dataset.intrinsics();
+        let brightness = mean_brightness(&self.dataset.frame(index)?, &camera)?.max(1e-3);
         metered().insert(index, brightness);
         Ok(brightness)
     }

@@ -313,7 +313,7 @@ fn exposure_starts_at_1_and_evens_out_brightness_slowly() {
     let change = |pair: &[f32]| (pair[1] / pair[0] - 1.0).abs();
     assert!(gains.windows(2).all(|pair| change(pair) < 0.1), "{gains:?}");
     assert!(gains.iter().any(|gain| (gain - 1.0).abs() > 0.02), "{gains:?}");
-    let brightness = |frame| mean_brightness(&frame).unwrap();
+    let brightness = |frame| mean_brightness(&frame, &room.intrinsics()).unwrap();
     let worst = |exposed: bool| {
         let one = |i| if exposed { room.frame(i) } else { room.clean_frame(i) };
         let first = brightness(one(2).unwrap());

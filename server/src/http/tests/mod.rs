@@ -8,7 +8,7 @@ mod service;
 use super::{Context, HttpConfig, router};
 use crate::access::{AccessConfig, Gate};
 use crate::maps::RecordedMaps;
-use crate::pipeline::frame::Frame;
+use crate::pipeline::frame::{Frame, FrameUp};
 use crate::store::Store;
 use crate::test_support::{CAMERA, engine};
 use axum::Router;
@@ -122,6 +122,7 @@ fn wall() -> Frame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }
 

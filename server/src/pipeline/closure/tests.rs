@@ -2,7 +2,7 @@
 //! another one is not taken for it.
 
 use super::super::compressor::{self, CompressorConfig};
-use super::super::frame::{Frame, TrackedPose};
+use super::super::frame::{Frame, FrameUp, TrackedPose};
 use super::super::keyframes::{Keyframe, KeyframeWidths};
 use super::super::live_map::{LiveMap, StepBudget};
 use super::super::pose_graph::Edge;
@@ -51,6 +51,7 @@ fn shoot(room: u64, sequence: u64, world_from_camera: &Isometry3<f64>) -> Frame 
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }
 

@@ -5,7 +5,7 @@ use super::vision::cropped;
 use super::*;
 use crate::pipeline::compressor::GENERIC_SIZE;
 use crate::pipeline::compressor::generic::CodeGrid;
-use crate::pipeline::frame::{Frame, Intrinsics, Labels};
+use crate::pipeline::frame::{Frame, FrameUp, Intrinsics, Labels};
 use crate::pipeline::network::{Bundle, ChannelOrder, Fit, ImageSpec};
 use std::sync::mpsc;
 
@@ -22,6 +22,7 @@ fn frame(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 3]) -> Frame 
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }
 

@@ -6,6 +6,7 @@ use super::super::exposure;
 use super::super::features::Features;
 use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose};
 use super::super::pose_adam::PoseAdam;
+use super::super::up::Facet;
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
 use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError};
@@ -37,6 +38,8 @@ pub(in super::super) struct Keyframe {
     pub features: Features,
     /// Grey thumbnail for relocalisation.
     pub thumbnail: Thumbnail,
+    /// Pieces of its surfaces, which tell the direction up.
+    pub facets: Vec<Facet>,
     /// Whether the tracker estimated the pose, so that the map may refine it.
     pub is_estimated: bool,
     /// Whether frames are aligned with it: its place relative to the newest keyframe is well known.
@@ -85,6 +88,7 @@ impl Keyframe {
             map_exposure: tracked.exposure,
             features: Features::detect(&tracking),
             thumbnail: Thumbnail::new(&tracking),
+            facets: Facet::sampled(&tracking),
             is_estimated: tracked.is_estimated,
             is_connected: true,
             pose_adam: PoseAdam::default(),

@@ -5,6 +5,7 @@ use super::super::features::Features;
 use super::super::frame::{Intrinsics, TrackedFrame};
 use super::super::pose_adam::PoseAdam;
 use super::super::saving::{CameraFields, packed};
+use super::super::up::Facet;
 use super::keyframe::Keyframe;
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
@@ -120,6 +121,7 @@ impl KeyframeState {
             rgb: rgb(received)?,
             training,
             target,
+            facets: Facet::sampled(&tracking),
             tracking,
             map_exposure: self.map_exposure,
             features: self.features,

@@ -1,7 +1,7 @@
 //! Tests of the store of keyframes.
 
 use super::super::downsampled_frame::DownsampledFrame;
-use super::super::frame::{Frame, Intrinsics, TrackedPose};
+use super::super::frame::{Frame, FrameUp, Intrinsics, TrackedPose};
 use super::thumbnail::tests::stripes;
 use super::*;
 use lexsplat_gpu::Gpu;
@@ -31,6 +31,7 @@ fn keyframe(gpu: &Gpu, sequence: u64, image: DownsampledFrame) -> Keyframe {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     };
     let tracked = TrackedPose {
         world_from_camera: translation(sequence as f64),

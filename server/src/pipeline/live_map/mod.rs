@@ -12,8 +12,9 @@ pub(super) use step_budget::{StepBudget, StepKind};
 pub(super) use trajectory::Trajectory;
 
 use super::compressor::OnlineStage;
-use super::keyframes::KeyframeStore;
+use super::keyframes::{Keyframe, KeyframeStore};
 use super::pose_graph::PoseGraph;
+use super::up::{self, MapUp, View};
 use lexsplat_gpu::{Gaussians, Gpu};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -73,6 +74,16 @@ impl LiveMap {
         self.sorted_len = 0;
         self.farthest_metres = 0.0;
         self.largest_scale_metres = 0.0;
+    }
+
+    /// The direction up; `None` in an empty map.
+    pub fn up(&self) -> Option<MapUp> {
+        fn view(keyframe: &Keyframe) -> View<'_> {
+            View { world_from_camera: &keyframe.frame.world_from_camera, facets: &keyframe.facets }
+        }
+        let views: Vec<View<'_>> = self.keyframes.iter().map(view).collect();
+        let readings = self.trajectory.measured_ups(&self.keyframes);
+        up::of_map(self.trajectory.given_up(), &readings, &views)
     }
 
     /// Whether optimiser steps are due and there is something to optimise.

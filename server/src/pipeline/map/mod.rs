@@ -234,10 +234,11 @@ impl Map {
         let counters = &self.counters;
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let settled = self.is_settled();
+        let snapshot = self.snapshot();
         let shared = self.shared();
         MapStatus {
             name: self.name.clone(),
-            revision: self.snapshot.borrow().revision,
+            revision: snapshot.revision,
             frames_received: read(&counters.received),
             frames_tracked: read(&counters.tracked),
             frames_lost: read(&counters.lost),
@@ -255,6 +256,7 @@ impl Map {
             failure: shared.failure.clone(),
             recording_damage: shared.recording_damage.clone(),
             input_warnings: shared.input_warnings.clone(),
+            up: snapshot.up,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::super::frame::TrackingState;
 use super::super::input_warning::InputWarning;
+use super::super::up::MapUp;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 /// Status of a map.
@@ -45,6 +46,8 @@ pub struct MapStatus {
     pub recording_damage: Option<String>,
     /// What is probably wrong with the frames that were sent, one entry for each kind.
     pub input_warnings: Vec<InputWarning>,
+    /// The direction up in the newest snapshot; `None` while the map is empty.
+    pub up: Option<MapUp>,
 }
 
 impl MapStatus {
@@ -70,6 +73,7 @@ impl MapStatus {
             failure: None,
             recording_damage: None,
             input_warnings: Vec::new(),
+            up: None,
         }
     }
 }

@@ -91,6 +91,7 @@ impl Publisher {
             online: Arc::from(live.online.boxed_clone()),
             trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
             keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
+            up: live.up(),
         });
         (self.gaussians_changed, self.poses_changed) = (false, false);
         self.published_at = Instant::now();

@@ -52,6 +52,7 @@ pub(in super::super) fn spawn(
         online: Arc::from(online.boxed_clone()),
         trajectory: Arc::default(),
         keyframes: Arc::default(),
+        up: None,
     };
     let (map, messages) = Map::new(name, config.queue_frames, empty);
     let map = Arc::new(map);

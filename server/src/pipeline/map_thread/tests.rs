@@ -2,12 +2,13 @@
 
 use super::super::checkpoint::Checkpoint;
 use super::super::engine::Engine;
-use super::super::frame::Frame;
+use super::super::frame::{Frame, FrameUp};
 use super::super::map::{Map, StreamGuard};
 use super::super::snapshot::MapSnapshot;
+use super::super::up::UpSource;
 use crate::test_support::{ROOM_CAMERA as CAMERA, per_frame_engine, ray_cast_room, tinted};
 use lexsplat_gpu::align::se3;
-use nalgebra::Vector6;
+use nalgebra::{Vector3, Vector6};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -29,6 +30,7 @@ fn frame(sequence: u64) -> Frame {
         rgb.extend(tinted(128.0 + 40.0 * wave + 20.0 * (9.0 * place.y + 7.0 * place.z).sin()));
         depth.push(z as f32);
     }
+    let measured_up = pose.rotation.inverse() * -Vector3::y_axis();
     Frame {
         sequence,
         timestamp_nanos: 1 + sequence * 33_333_333,
@@ -40,6 +42,7 @@ fn frame(sequence: u64) -> Frame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp { in_world: None, in_camera: Some(measured_up) },
     }
 }
 
@@ -77,6 +80,7 @@ fn same(a: &MapSnapshot, b: &MapSnapshot) -> bool {
     };
     a.gaussians == b.gaussians
         && a.revision == b.revision
+        && a.up == b.up
         && poses(a) == poses(b)
         && languages(a) == languages(b)
         && a.online.save() == b.online.save()
@@ -117,6 +121,10 @@ async fn a_map_goes_on_as_if_it_had_never_stopped() {
         send(sender, all.clone()).await;
     }
     assert!(counts(&map)[2] > 2, "{:?}", counts(&map));
+    let up = map.snapshot().up.unwrap();
+    assert_eq!(up.source, UpSource::Gravity);
+    // The first camera's axes are the room's.
+    assert!(up.direction.angle(&-Vector3::y()).to_degrees() < 1.0, "{up:?}");
     assert_eq!(counts(&map), counts(copy.map()));
     assert!(same(&map.snapshot(), &copy.map().snapshot()), "bit for bit");
     let (mine, its) = (map.save().await.unwrap(), copy.map().save().await.unwrap());

@@ -1,5 +1,6 @@
 //! A room with boxes and balls, ray-cast through two cameras of different size and lens that are 5 cm apart.
 
+use super::super::frame::FrameUp;
 use super::camera::Optics;
 use super::*;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -102,6 +103,7 @@ fn raw(cameras: &Cameras, depth_metres: Vec<f32>) -> RawFrame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     })
 }
 

@@ -189,10 +189,10 @@ async fn pictures(asker: &Asker<'_>, asked: &[Asked]) -> Result<Vec<RgbImage>> {
     let mut pictures = Vec::new();
     for one in asked {
         let frame = asker.dataset.frame(one.view.index)?;
-        let frame = image::load_from_memory(&frame.color.bytes).context("the frame's picture")?;
+        let frame = frame.rgb(&asker.dataset.intrinsics())?;
         let render = asker.client.render_png(asker.map, one.view.sequence).await?;
         let render = image::load_from_memory(&render).context("the server's picture")?;
-        pictures.push(report::picture(one, &frame.to_rgb8(), &render.to_rgb8()));
+        pictures.push(report::picture(one, &frame, &render.to_rgb8()));
     }
     Ok(pictures)
 }

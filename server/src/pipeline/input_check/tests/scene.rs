@@ -1,6 +1,6 @@
 //! A ray-cast room with boxes, and a walk through it.
 
-use super::super::super::frame::{Frame, Intrinsics};
+use super::super::super::frame::{Frame, FrameUp, Intrinsics};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 /// The color camera.
@@ -88,5 +88,6 @@ pub fn seen_from(at: usize, world_from_camera: &Isometry3<f64>) -> Frame {
         hint: None,
         labels: None,
         held_out: false,
+        up: FrameUp::default(),
     }
 }

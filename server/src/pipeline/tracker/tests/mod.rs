@@ -2,7 +2,7 @@
 
 mod cameras;
 
-use super::super::frame::{Frame, FrameOutcome, Intrinsics, PoseHint, TrackingState};
+use super::super::frame::{Frame, FrameOutcome, FrameUp, Intrinsics, PoseHint, TrackingState};
 use super::super::map::{Map, StreamGuard};
 use crate::test_support::{ROOM_CAMERA as CAMERA, engine, ray_cast, tinted};
 use lexsplat_gpu::align::se3;
@@ -91,6 +91,7 @@ impl Robot {
             hint: hint.map(Box::new),
             labels: None,
             held_out: self.held_out,
+            up: FrameUp::default(),
         };
         self.map().submit(frame).await.unwrap().await.unwrap()
     }
