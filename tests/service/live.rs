@@ -192,8 +192,8 @@ async fn a_live_robot_is_mapped_although_it_and_the_server_go_away() {
     server.stop().await;
 }
 
-/// Poses that the server estimates from 160x120 pixels, metres and radians: 12 mm and 0.4 degrees were measured.
-const TRACKED: [f64; 2] = [0.03, 0.02];
+/// Poses that the server estimates, metres and radians: 1 mm and 0.05 degrees were measured.
+const TRACKED: [f64; 2] = [0.005, 0.004];
 
 #[tokio::test(flavor = "multi_thread")]
 async fn cameras_of_other_makers_are_mapped() {

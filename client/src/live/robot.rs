@@ -14,6 +14,7 @@ use tokio::net::TcpStream;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
+use tokio_tungstenite::tungstenite::handshake::client::Request;
 use tokio_tungstenite::tungstenite::http::{HeaderValue, header::SEC_WEBSOCKET_PROTOCOL};
 use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 use tokio_tungstenite::tungstenite::{Error, Message, Utf8Bytes};
@@ -50,20 +51,16 @@ pub(super) async fn receive(
     mut ends: watch::Receiver<bool>,
     board: &Board<'_>,
 ) -> Result<(), BridgeError> {
-    let url = match options.robot.contains("://") {
-        true => options.robot.clone(),
-        false => format!("ws://{}", options.robot),
-    };
+    let request = request(&options.robot)?;
+    let url = request.uri();
     let mut intake = Intake::new(&options.wanted, options.poses);
     let mut waits = Waits::new();
     while !*ends.borrow() && !out.is_closed() {
         let connecting = tokio::select! {
-            connecting = connect(&url) => connecting,
+            connecting = connect(request.clone()) => connecting,
             _ = ends.wait_for(|end| *end) => break,
         };
         let reason = match connecting {
-            Err(Error::Url(error)) => return Err(wrong(&url, error.to_string())),
-            Err(Error::HttpFormat(error)) => return Err(wrong(&url, error.to_string())),
             Err(error) => format!("cannot connect to {url}: {error}"),
             Ok(socket) => {
                 board.count(|counts| counts.robot_connections += 1);
@@ -92,16 +89,26 @@ pub(super) async fn receive(
     Ok(())
 }
 
-fn wrong(found: &str, reason: String) -> BridgeError {
-    BridgeError::Address { found: found.to_owned(), reason }
+/// The request for a connection to `ws://HOST:PORT`, `wss://HOST:PORT` or `HOST:PORT`.
+fn request(robot: &str) -> Result<Request, BridgeError> {
+    let wrong = |reason: String| BridgeError::Address { found: robot.to_owned(), reason };
+    let url = if robot.contains("://") { robot.to_owned() } else { format!("ws://{robot}") };
+    let mut request = url.into_client_request().map_err(|error| wrong(error.to_string()))?;
+    let scheme = request.uri().scheme_str().unwrap_or_default();
+    if scheme != "ws" && scheme != "wss" {
+        return Err(wrong(format!("{scheme} is no WebSocket")));
+    }
+    if request.uri().host().unwrap_or_default().is_empty() {
+        return Err(wrong("there is no host".into()));
+    }
+    let protocols = HeaderValue::from_static(protocol::PROTOCOLS);
+    request.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, protocols);
+    Ok(request)
 }
 
 type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
-async fn connect(url: &str) -> Result<Socket, Error> {
-    let mut request = url.into_client_request()?;
-    let protocols = HeaderValue::from_static(protocol::PROTOCOLS);
-    request.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, protocols);
+async fn connect(request: Request) -> Result<Socket, Error> {
     let config =
         WebSocketConfig::default().max_message_size(Some(LARGEST)).max_frame_size(Some(LARGEST));
     let connecting = connect_async_with_config(request, Some(config), true);
