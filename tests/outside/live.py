@@ -1,12 +1,17 @@
-"""Serves a walk live, as foxglove_bridge does: messages of ROS 2 over a WebSocket, by foxglove-sdk and rosbags.
+"""Serves a walk live, as foxglove_bridge does: ROS 2 over a WebSocket, by foxglove-sdk and rosbags.
 
     live.py FOLDER DEVICE CUT
 
-FOLDER is in Replica layout. DEVICE names the driver whose topics are simulated: realsense (aligned depth, TF), kinect
-(Azure Kinect: BGRA, depth of half the size with a camera of its own, no poses) or oak (depth in color's frame,
-odometry). The first line on standard output is the port. The first frame is repeated until the client has chosen
-its topics and asks for no more of a camera that is not to be taken; then the walk goes on at 10 frames a second. At
-frame CUT, if there is one, the server goes away, and comes back a second later. "done" is printed after the last frame.
+FOLDER is in Replica layout. DEVICE names the driver whose topics are simulated:
+
+    realsense  aligned depth, TF
+    kinect     Azure Kinect: BGRA, depth of half the size with a camera of its own, no poses
+    oak        depth in color's frame, odometry
+
+The first line on standard output is the port. The first frame is repeated until the client has
+chosen its topics and asks for no more of a camera that is not to be taken. Then the walk goes on at
+10 frames a second. At frame CUT, if there is one, the server goes away, and comes back a second
+later. "done" is printed after the last frame.
 """
 
 import dataclasses
@@ -29,7 +34,7 @@ Message = tuple[str, int, object]
 
 
 class Devices(Ros):
-    """Topics, times and messages of cameras; the first of a camera's topics is color, the last is to be left aside."""
+    """Topics, times and messages of cameras; the topic of color, and one to be left aside."""
 
     realsense_topics = ("/camera/color/image_raw", "/camera/infra1/image_rect_raw")
     kinect_topics = ("/rgb/image_raw", "/ir/image_raw")
@@ -58,9 +63,7 @@ class Devices(Ros):
             yield (
                 "/rgb/camera_info",
                 nanos,
-                dataclasses.replace(
-                    lens, distortion_model="rational_polynomial", d=np.zeros(8)
-                ),
+                dataclasses.replace(lens, distortion_model="rational_polynomial", d=np.zeros(8)),
             )
             small = np.ascontiguousarray(small)
             own, height, width = "depth_camera_link", *small.shape
@@ -68,9 +71,7 @@ class Devices(Ros):
             # The pixels of small depth are those of color at even places.
             k, p = lens.k / 2, lens.p / 2
             k[8] = p[10] = 1
-            half = dataclasses.replace(
-                self.info(nanos, own), height=height, width=width, k=k, p=p
-            )
+            half = dataclasses.replace(self.info(nanos, own), height=height, width=width, k=k, p=p)
             yield "/depth/camera_info", nanos, half
             infrared = np.ascontiguousarray(small // 4)
             yield "/ir/image_raw", nanos, self.image(nanos, own, "mono16", infrared)
@@ -112,11 +113,11 @@ class Listener:
         self.has_color = threading.Event()
         self.has_chosen = threading.Event()
 
-    def on_subscribe(self, client: object, channel: object) -> None:
+    def on_subscribe(self, _client: object, channel: object) -> None:
         if channel.topic == self.color:
             self.has_color.set()
 
-    def on_unsubscribe(self, client: object, channel: object) -> None:
+    def on_unsubscribe(self, _client: object, channel: object) -> None:
         if channel.topic == self.aside:
             self.has_chosen.set()
 
