@@ -28,6 +28,7 @@ struct Arguments {
 enum Command {
     Ablate(command::ablate::Ablate),
     Bench(command::bench::Bench),
+    Bridge(command::bridge::Bridge),
     Demo(command::demo::Demo),
     Evaluate(Box<command::evaluate::Evaluate>),
     Export(command::export::Export),
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Ablate(arguments) => runtime::wait(command::ablate::run(&arguments)),
         Command::Bench(arguments) => runtime::wait(command::bench::run(&arguments)),
+        Command::Bridge(arguments) => runtime::wait(command::bridge::run(&arguments)),
         Command::Demo(arguments) => runtime::wait(command::demo::run(&arguments)),
         Command::Evaluate(arguments) => runtime::wait(command::evaluate::run(&arguments)),
         Command::Export(arguments) => runtime::wait(command::export::run(&arguments)),

@@ -135,6 +135,7 @@ pub const CRATES: &[Declared] = &[
             &["rig"],
             &["bags"],
             &["http", "stream"],
+            &["live"],
             &["lib"],
         ],
         circles: Circles::Never,

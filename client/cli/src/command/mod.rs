@@ -2,6 +2,7 @@
 
 pub mod ablate;
 pub mod bench;
+pub mod bridge;
 pub mod demo;
 pub mod evaluate;
 pub mod export;
