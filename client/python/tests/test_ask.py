@@ -5,6 +5,7 @@ import pytest
 
 import lexsplat
 from conftest import Room
+from lexsplat._files import PointCloud
 
 
 def test_a_view_is_answered_with_arrays(mapped, room: Room):
@@ -82,6 +83,25 @@ def test_maps_are_listed_exported_and_deleted(client, mapped, room: Room, tmp_pa
         other.create()
     other.delete()
     assert "other" not in [status.name for status in client.maps()]
+
+
+def test_a_map_knows_up(new_map, room: Room, tmp_path):
+    options = {"poses": "given", "depth_unit": room.depth_unit}
+    new_map.stream(room.frames(2), room.camera, up=(0, 0, 3), **options)
+
+    def read(axis: str) -> np.ndarray:
+        file = new_map.export("points", tmp_path / axis, up=axis, wait_seconds=120)
+        return PointCloud._of(file.read_bytes()).positions
+
+    own, turned = read("map"), read("y")
+    up = new_map.status().up
+    np.testing.assert_allclose(up.direction, (0, 0, 1), atol=1e-6)
+    assert (up.source, up.confidence) == ("given", 1)
+    assert len(own) == len(turned) > 0
+    np.testing.assert_allclose(np.sort(turned[:, 1]), np.sort(own[:, 2]), atol=1e-4)
+    assert not np.allclose(np.sort(turned[:, 1]), np.sort(own[:, 1]), atol=1e-2)
+    with pytest.raises(lexsplat.RequestError, match="up"):
+        new_map.export("points", tmp_path / "w", up="w")
 
 
 def test_errors_say_what_to_do(client, mapped):

@@ -37,6 +37,7 @@ def test_a_map_its_trajectory_and_answers_are_shown(mapped, room: Room, tmp_path
     recording.disconnect()
 
     found = shown(tmp_path / "room.rrd")
+    assert found["/world"]["ViewCoordinates:xyz"], "the room's floor tells which way is up"
     (positions,) = found["/world/map"]["Points3D:positions"]
     np.testing.assert_allclose(positions, mapped.points().positions, atol=1e-6)
     (strips,) = found["/world/trajectory"]["LineStrips3D:strips"]

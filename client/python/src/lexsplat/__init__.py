@@ -11,7 +11,7 @@ is the same for asyncio, and `lexsplat.rerun` shows maps and answers.
 """
 
 from lexsplat._aio import AsyncClient, AsyncFrameStream, AsyncMap
-from lexsplat._answer import Answer, Box, MapStatus, Object, Peak, Segmentation
+from lexsplat._answer import Answer, Box, MapStatus, Object, Peak, Segmentation, Up
 from lexsplat._blocking import Client, FrameStream, Map
 from lexsplat._camera import Camera, DepthCamera, SameLens
 from lexsplat._errors import (
@@ -69,4 +69,5 @@ __all__ = [
     "StreamOptions",
     "Summary",
     "Trajectory",
+    "Up",
 ]

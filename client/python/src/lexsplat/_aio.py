@@ -17,7 +17,7 @@ from lexsplat._camera import Camera
 from lexsplat._connection import Access, Connection
 from lexsplat._files import PointCloud, Trajectory
 from lexsplat._frame import Frame
-from lexsplat._requests import ExportFormat, StreamOptions
+from lexsplat._requests import ExportFormat, StreamOptions, UpAxis
 from lexsplat._results import OnFrame, Summary
 from lexsplat._upload import Upload
 from lexsplat.v1 import lexsplat_pb2 as v1
@@ -262,6 +262,7 @@ class AsyncMap:
         *,
         voxel: float | None = None,
         text: str = "",
+        up: UpAxis | None = None,
         wait_seconds: float | None = None,
         min_sequence: int | None = None,
     ) -> Path:
@@ -273,6 +274,8 @@ class AsyncMap:
             path: The file.
             voxel: Mesh: side of a voxel, metres; 0.02 by default.
             text: Mesh: a text whose relevancy becomes a property of the vertices.
+            up: The axis of the file that points up; "map": the map's own coordinates. By default
+                "y" for "glb", and "map" for all others.
             wait_seconds: Wait so long, 600 at most, until the map has done its work on all frames.
             min_sequence: Wait for this frame only.
 
@@ -287,6 +290,7 @@ class AsyncMap:
                 kind,
                 voxel=voxel,
                 text=text,
+                up=up,
                 wait_seconds=wait_seconds,
                 min_sequence=min_sequence,
             )

@@ -173,6 +173,26 @@ class Segmentation:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Up:
+    """The direction up in a map.
+
+    Attributes:
+        direction: In the map's world, of unit length, (3,).
+        source: "given" (the stream's `up`), "gravity" (the frames' `up`), "floor" (level and
+            upright surfaces) or "camera" (a guess).
+        confidence: How much speaks for it, 0 to 1.
+    """
+
+    direction: Array
+    source: str
+    confidence: float
+
+    @classmethod
+    def _of(cls, wire: v1.MapUp) -> Up:
+        return cls(vector_of(wire.direction), wire.source, wire.confidence)
+
+
 @dataclass(frozen=True)
 class MapStatus:
     """A map.
@@ -195,6 +215,7 @@ class MapStatus:
         input_warnings: What is probably wrong with the frames that were sent.
         loading: (frames done, frames in all) while the map is loaded after a start of the server,
             when all numbers above are 0; None otherwise.
+        up: The direction up; None while the map is empty.
     """
 
     name: str
@@ -213,16 +234,18 @@ class MapStatus:
     recording_damage: str
     input_warnings: list[str]
     loading: tuple[int, int] | None
+    up: Up | None
 
     @classmethod
     def _of(cls, wire: v1.MapStatus) -> MapStatus:
-        own = {"input_warnings", "loading"}
+        own = {"input_warnings", "loading", "up"}
         same = {name: getattr(wire, name) for name in cls.__dataclass_fields__ if name not in own}
         loading = (wire.loading.frames_done, wire.loading.frames_total)
         return cls(
             **same,
             input_warnings=[warning.message for warning in wire.input_warnings],
             loading=loading if wire.HasField("loading") else None,
+            up=Up._of(wire.up) if wire.HasField("up") else None,
         )
 
 

@@ -51,7 +51,7 @@ def quaternion(turn: Array) -> tuple[float, float, float, float]:
     """(w, x, y, z) of a rotation matrix. The largest of the four is computed first."""
     trace = float(np.trace(turn))
     squares = np.array([trace, turn[0, 0], turn[1, 1], turn[2, 2]])
-    largest = int(squares.argmax())
+    largest = int(np.argmax(squares))
     if largest == 0:
         parts = [
             1 + trace,

@@ -18,6 +18,7 @@ _POSES = {"given": v1.POSE_SOURCE_GIVEN, "estimate": v1.POSE_SOURCE_ESTIMATED}
 ExportFormat: TypeAlias = Literal[
     "ply", "spz", "glb", "mesh", "points", "language", "tum", "trajectory"
 ]
+UpAxis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z", "map"]
 EXPORTS: dict[str, str] = {
     "ply": "splats.ply",
     "spz": "splats.spz",
@@ -143,6 +144,7 @@ def export(
     *,
     voxel: float | None = None,
     text: str = "",
+    up: UpAxis | None = None,
     wait_seconds: float | None = None,
     min_sequence: int | None = None,
 ) -> v1.ExportRequest:
@@ -152,6 +154,7 @@ def export(
         format=EXPORTS.get(kind, kind),
         voxel_metres=voxel,
         text=text,
+        up=up or "",
         **waiting(wait_seconds, min_sequence),
     )
 

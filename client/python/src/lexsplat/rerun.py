@@ -36,9 +36,17 @@ def log_map(
 ) -> None:
     """Shows a map and where its frames were taken, at `path`/map and `path`/trajectory.
 
+    The viewer's up is the axis of the map that is nearest to the map's.
+
     Raises:
         LexsplatError: There is no such map.
     """
+    up = shown.status().up
+    if up is not None:
+        axis = int(np.argmax(np.abs(up.direction)))
+        sense = "UP" if up.direction[axis] > 0 else "DOWN"
+        axes = getattr(rr.ViewCoordinates, f"RIGHT_HAND_{'XYZ'[axis]}_{sense}")
+        rr.log(path, axes, static=True, recording=recording)
     log_points(shown.points(wait_seconds=wait_seconds), path=f"{path}/map", recording=recording)
     log_trajectory(shown.trajectory(), path=f"{path}/trajectory", recording=recording)
 

@@ -295,7 +295,7 @@ class DeleteMapResponse(_message.Message):
     def __init__(self) -> None: ...
 
 class MapStatus(_message.Message):
-    __slots__ = ("name", "revision", "frames_received", "frames_tracked", "frames_lost", "frames_dropped", "frames_refused", "keyframes", "gaussians", "gpu_bytes", "tracking_state", "olae_version", "queue_depth", "settled", "failure", "keyframe_bytes", "recording_damage", "input_warnings", "loading")
+    __slots__ = ("name", "revision", "frames_received", "frames_tracked", "frames_lost", "frames_dropped", "frames_refused", "keyframes", "gaussians", "gpu_bytes", "tracking_state", "olae_version", "queue_depth", "settled", "failure", "keyframe_bytes", "recording_damage", "input_warnings", "loading", "up")
     NAME_FIELD_NUMBER: _ClassVar[int]
     REVISION_FIELD_NUMBER: _ClassVar[int]
     FRAMES_RECEIVED_FIELD_NUMBER: _ClassVar[int]
@@ -315,6 +315,7 @@ class MapStatus(_message.Message):
     RECORDING_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     INPUT_WARNINGS_FIELD_NUMBER: _ClassVar[int]
     LOADING_FIELD_NUMBER: _ClassVar[int]
+    UP_FIELD_NUMBER: _ClassVar[int]
     name: str
     revision: int
     frames_received: int
@@ -334,7 +335,18 @@ class MapStatus(_message.Message):
     recording_damage: str
     input_warnings: _containers.RepeatedCompositeFieldContainer[InputWarning]
     loading: LoadProgress
-    def __init__(self, name: _Optional[str] = ..., revision: _Optional[int] = ..., frames_received: _Optional[int] = ..., frames_tracked: _Optional[int] = ..., frames_lost: _Optional[int] = ..., frames_dropped: _Optional[int] = ..., frames_refused: _Optional[int] = ..., keyframes: _Optional[int] = ..., gaussians: _Optional[int] = ..., gpu_bytes: _Optional[int] = ..., tracking_state: _Optional[str] = ..., olae_version: _Optional[int] = ..., queue_depth: _Optional[int] = ..., settled: bool = ..., failure: _Optional[str] = ..., keyframe_bytes: _Optional[int] = ..., recording_damage: _Optional[str] = ..., input_warnings: _Optional[_Iterable[_Union[InputWarning, _Mapping]]] = ..., loading: _Optional[_Union[LoadProgress, _Mapping]] = ...) -> None: ...
+    up: MapUp
+    def __init__(self, name: _Optional[str] = ..., revision: _Optional[int] = ..., frames_received: _Optional[int] = ..., frames_tracked: _Optional[int] = ..., frames_lost: _Optional[int] = ..., frames_dropped: _Optional[int] = ..., frames_refused: _Optional[int] = ..., keyframes: _Optional[int] = ..., gaussians: _Optional[int] = ..., gpu_bytes: _Optional[int] = ..., tracking_state: _Optional[str] = ..., olae_version: _Optional[int] = ..., queue_depth: _Optional[int] = ..., settled: bool = ..., failure: _Optional[str] = ..., keyframe_bytes: _Optional[int] = ..., recording_damage: _Optional[str] = ..., input_warnings: _Optional[_Iterable[_Union[InputWarning, _Mapping]]] = ..., loading: _Optional[_Union[LoadProgress, _Mapping]] = ..., up: _Optional[_Union[MapUp, _Mapping]] = ...) -> None: ...
+
+class MapUp(_message.Message):
+    __slots__ = ("direction", "source", "confidence")
+    DIRECTION_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
+    direction: Vector3
+    source: str
+    confidence: float
+    def __init__(self, direction: _Optional[_Union[Vector3, _Mapping]] = ..., source: _Optional[str] = ..., confidence: _Optional[float] = ...) -> None: ...
 
 class LoadProgress(_message.Message):
     __slots__ = ("frames_done", "frames_total")
@@ -571,11 +583,12 @@ class Timing(_message.Message):
     def __init__(self, text_ms: _Optional[float] = ..., render_ms: _Optional[float] = ..., decode_ms: _Optional[float] = ..., score_ms: _Optional[float] = ..., total_ms: _Optional[float] = ...) -> None: ...
 
 class ExportRequest(_message.Message):
-    __slots__ = ("map", "format", "voxel_metres", "text", "wait", "min_sequence", "wait_seconds")
+    __slots__ = ("map", "format", "voxel_metres", "text", "up", "wait", "min_sequence", "wait_seconds")
     MAP_FIELD_NUMBER: _ClassVar[int]
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     VOXEL_METRES_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
+    UP_FIELD_NUMBER: _ClassVar[int]
     WAIT_FIELD_NUMBER: _ClassVar[int]
     MIN_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     WAIT_SECONDS_FIELD_NUMBER: _ClassVar[int]
@@ -583,10 +596,11 @@ class ExportRequest(_message.Message):
     format: str
     voxel_metres: float
     text: str
+    up: str
     wait: str
     min_sequence: int
     wait_seconds: float
-    def __init__(self, map: _Optional[str] = ..., format: _Optional[str] = ..., voxel_metres: _Optional[float] = ..., text: _Optional[str] = ..., wait: _Optional[str] = ..., min_sequence: _Optional[int] = ..., wait_seconds: _Optional[float] = ...) -> None: ...
+    def __init__(self, map: _Optional[str] = ..., format: _Optional[str] = ..., voxel_metres: _Optional[float] = ..., text: _Optional[str] = ..., up: _Optional[str] = ..., wait: _Optional[str] = ..., min_sequence: _Optional[int] = ..., wait_seconds: _Optional[float] = ...) -> None: ...
 
 class Chunk(_message.Message):
     __slots__ = ("data",)
