@@ -76,7 +76,7 @@ fn any_rotation(seed: u64) -> UnitQuaternion<f64> {
 #[test]
 fn floors_show_up_to_a_camera_that_is_pitched_and_rolled() {
     for (seed, (pitch, roll)) in
-        [(30.0, 10.0), (30.0, -10.0), (-20.0, 10.0), (0.0, 0.0), (40.0, 0.0)]
+        [(30.0, 10.0), (30.0, -10.0), (-20.0, 10.0), (0.0, 0.0), (40.0, 0.0), (55.0, 5.0)]
             .into_iter()
             .enumerate()
     {
@@ -112,6 +112,7 @@ fn what_does_not_tell_up_is_a_guess() {
     // The floor or two walls alone suffice.
     for seen in [
         Seen::new(any_rotation(3), &[camera], |place| place.y > 1.5),
+        Seen::new(any_rotation(3), &[held(0.0, 55.0, 0.0)], |place| place.y > 1.5),
         Seen::new(any_rotation(3), &[held(30.0, 20.0, 0.0)], |place| place.y.abs() < 1.5),
     ] {
         let found = found(&seen);
