@@ -72,11 +72,11 @@ fn any_rotation(seed: u64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_euler_angles(part(), part(), part())
 }
 
-/// Measured worst cases: 0.3 degrees with pitch 30 and roll 10; the guess is off by 31 degrees.
+/// Measured worst case: 0.24 degrees, with pitch -20; the guesses are off by the pitch.
 #[test]
 fn floors_show_up_to_a_camera_that_is_pitched_and_rolled() {
     for (seed, (pitch, roll)) in
-        [(30.0, 10.0), (30.0, -10.0), (-20.0, 10.0), (0.0, 0.0), (40.0, 0.0)]
+        [(30.0, 10.0), (30.0, -10.0), (-20.0, 10.0), (0.0, 0.0), (40.0, 0.0), (55.0, 5.0)]
             .into_iter()
             .enumerate()
     {
@@ -87,7 +87,7 @@ fn floors_show_up_to_a_camera_that_is_pitched_and_rolled() {
             let truth = world * ROOM_UP;
             let off = degrees(&found.direction, &truth);
             assert_eq!(found.source, UpSource::Floor, "{pitch} {roll}: {found:?}");
-            assert!(off < 1.0, "{pitch} {roll}: {off} degrees, {found:?}");
+            assert!(off < 0.5, "{pitch} {roll}: {off} degrees, {found:?}");
             assert!(found.confidence > 0.7, "{pitch} {roll}: {found:?}");
             // Without floors the answer would be wrong.
             let guess = degrees(&of_cameras(&seen.views()).unwrap(), &truth);
@@ -112,6 +112,7 @@ fn what_does_not_tell_up_is_a_guess() {
     // The floor or two walls alone suffice.
     for seen in [
         Seen::new(any_rotation(3), &[camera], |place| place.y > 1.5),
+        Seen::new(any_rotation(3), &[held(0.0, 55.0, 0.0)], |place| place.y > 1.5),
         Seen::new(any_rotation(3), &[held(30.0, 20.0, 0.0)], |place| place.y.abs() < 1.5),
     ] {
         let found = found(&seen);
