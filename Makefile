@@ -10,7 +10,7 @@ export NODEVICE_SELECT = 1
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 22
-	@echo '  DATASET=KIND:PATH for demo (synthetic:SEED, replica:, tum:, 7scenes:, nerfstudio:, folder:, mcap:, rosbag2:), KEEP=1 keeps the server up'
+	@echo '  DATASET=KIND:PATH for demo (synthetic:SEED, replica:, tum:, 7scenes:, nerfstudio:, folder:, r3d:, scannet:, mcap:, rosbag2:), KEEP=1 keeps the server up'
 
 deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
 	@deploy/setup.sh
