@@ -46,7 +46,7 @@ use judge::Judge;
 use lexsplat_gpu::{Camera, Gpu, GpuError};
 use motion::{Expected, LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
-use quality::{is_blank, usable_share};
+use quality::usable_share;
 use search::{Origin, Search, is_searched_far};
 use std::cmp::Reverse;
 use young_map::YoungMap;
@@ -171,7 +171,7 @@ impl Tracker {
         let sent = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
         let image = depth_gaps::closed(&sent);
         self.usable = if self.young.is_kept() { 0.0 } else { usable_share(&image) };
-        if is_blank(&image) {
+        if self.young.passes_over(&image, scene.gaussians.is_empty()) {
             return Ok(None);
         }
         if self.aligner.is_none() {

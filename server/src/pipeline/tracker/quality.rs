@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 const MIN_MEASURED: f64 = 0.03;
 /// A frame with a smaller mean intensity is black, 0 to 255.
 const BLACK: f64 = 6.0;
+/// Mean of a dark frame, 0 to 255.
+const DARK: f64 = 16.0;
 
 /// Colors that are neither black nor blown out.
 const USABLE_COLOR: std::ops::Range<u8> = 4..252;
@@ -108,7 +110,17 @@ pub(super) fn usable_share(frame: &DownsampledFrame) -> f64 {
 /// Whether a frame is black or hardly measured, so that it can be neither tracked nor mapped.
 pub(super) fn is_blank(frame: &DownsampledFrame) -> bool {
     let measured = frame.depth_metres.iter().filter(|depth| **depth > 0.0).count();
-    let light: u64 = frame.rgb.iter().map(|value| u64::from(*value)).sum();
     let is_measured = measured as f64 >= MIN_MEASURED * frame.depth_metres.len() as f64;
-    !is_measured || (light as f64) < BLACK * frame.rgb.len() as f64
+    !is_measured || brightness(frame) < BLACK
+}
+
+/// Whether a frame is so dark that its colors say little: of a camera that has just been switched on.
+pub(super) fn is_dark(frame: &DownsampledFrame) -> bool {
+    brightness(frame) < DARK
+}
+
+/// Mean of all channels, 0 to 255.
+fn brightness(frame: &DownsampledFrame) -> f64 {
+    let light: u64 = frame.rgb.iter().map(|value| u64::from(*value)).sum();
+    light as f64 / frame.rgb.len().max(1) as f64
 }

@@ -4,7 +4,9 @@
 //! began with a bad frame (over-exposed, dark, a hand before the lens) tracks nothing. While it has only a few
 //! frames, each lost one is kept; if the next lost frame agrees with it, these two are the better beginning.
 
+use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::Frame;
+use super::quality::{is_blank, is_dark};
 use serde::{Deserialize, Serialize};
 
 /// A map with more tracked frames is not given up: two seconds, for which a hand may be before the lens.
@@ -14,6 +16,10 @@ const PATIENCE: usize = 10;
 /// A better beginning has at least this share of the first frame's usable pixels.
 const USABLE: f64 = 0.8;
 
+/// Dark frames that a map does not begin with: a camera needs a second to find its exposure. After them it is the
+/// room that is dark.
+const DARK_FRAMES: usize = 30;
+
 /// Counts the frames of a map that may be given up.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct YoungMap {
@@ -22,6 +28,8 @@ pub(super) struct YoungMap {
     lost: usize,
     /// The last lost frame, and the share of its pixels that are usable.
     stray: Option<(Frame, f64)>,
+    /// Dark frames before the first one that was tracked.
+    dark: usize,
     /// Share of the first frame's pixels that are usable.
     first: f64,
     /// Whether the map is no longer young: it has enough frames, its poses were given, or another stream
@@ -30,6 +38,14 @@ pub(super) struct YoungMap {
 }
 
 impl YoungMap {
+    /// Whether a frame is of no use: it is blank, or a map would begin with it and it is dark. Places that only a
+    /// dark frame shows would be seen in the wrong colors.
+    pub fn passes_over(&mut self, frame: &DownsampledFrame, is_first: bool) -> bool {
+        let waits = is_first && self.dark < DARK_FRAMES && is_dark(frame);
+        self.dark += usize::from(waits);
+        waits || is_blank(frame)
+    }
+
     /// A frame with this share of usable pixels was tracked. Poses that were given are not in doubt.
     pub fn tracked(&mut self, is_estimated: bool, usable: f64) {
         if self.tracked == 0 {
@@ -89,6 +105,7 @@ impl YoungMap {
 mod tests {
     use super::*;
     use crate::test_support::pixel_frame;
+    use nalgebra::Isometry3;
 
     fn frame(held_out: bool) -> Frame {
         Frame { held_out, ..pixel_frame() }
@@ -114,6 +131,21 @@ mod tests {
         assert!(!begins_anew(&[0.5; 61], &[0.9; 99]), "it is no longer young");
         assert!(!begins_anew(&[0.9], &[0.5]), "the first frame shows more");
         assert!(begins_anew(&[0.9], &[0.5; 11]), "nothing better comes");
+    }
+
+    #[test]
+    fn a_map_begins_in_the_light_unless_it_stays_dark() {
+        let frame = |value: u8| DownsampledFrame {
+            rgb: [value; 3].into(),
+            ..DownsampledFrame::new(&pixel_frame(), &Isometry3::identity(), 1)
+        };
+        let mut young = YoungMap::default();
+        assert!(young.passes_over(&frame(12), true), "dark");
+        assert!(!young.passes_over(&frame(12), false), "a map that has begun goes on in the dark");
+        assert!(!young.passes_over(&frame(20), true), "light");
+        (1..DARK_FRAMES).for_each(|_| assert!(young.passes_over(&frame(12), true)));
+        assert!(!young.passes_over(&frame(12), true), "a dark room");
+        assert!(young.passes_over(&frame(2), true), "black");
     }
 
     #[test]
