@@ -1,9 +1,10 @@
 //! `KIND:PATH` as users write it on the command line, and opening the data set that it names.
 
+use crate::files::plain;
 use lexsplat_client::bags;
 use lexsplat_client::dataset::{
-    Dataset, DatasetError, Folder, FrameRange, Nerfstudio, R3d, Replica, ScanNet, SevenScenes, Tum,
-    with_poses,
+    Dataset, DatasetError, Distortion, Folder, FrameRange, Nerfstudio, R3d, Replica, ScanNet,
+    SevenScenes, Tum, with_poses,
 };
 use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::Poses;
@@ -184,11 +185,20 @@ fn with_options(text: &str) -> Result<(PathBuf, Box<Wanted>), SpecError> {
     }
 }
 
-/// Says on standard error what was assumed when a data set was opened, and what was left out.
+/// Says on standard error what was assumed when a data set was opened, what was left out, and what the server is
+/// to do with its lenses.
 pub fn tell(dataset: &dyn Dataset) {
-    dataset.notes().iter().for_each(|note| eprintln!("lexsplat: {note}"));
+    let say = |words: &str| eprintln!("lexsplat: {}", plain(words));
+    dataset.notes().iter().for_each(|note| say(note));
     if let [first, ..] = dataset.skipped() {
-        eprintln!("lexsplat: {} frames left out: {first}", dataset.skipped().len());
+        say(&format!("{} frames left out: {first}", dataset.skipped().len()));
+    }
+    let cameras = dataset.cameras();
+    if cameras.color.distortion != Distortion::None {
+        say("the lens of color is bent: the server straightens its pictures");
+    }
+    if cameras.depth.is_some() {
+        say("depth has a camera of its own: the server registers it to color");
     }
 }
 

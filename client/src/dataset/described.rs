@@ -123,6 +123,15 @@ impl Description {
                 lens.camera(color, depth).map_err(|reason| format!("depth.camera: {reason}"))?
             }
         };
+        let is_direction = |up: &[f64; 3]| {
+            up.iter().all(|part| part.is_finite()) && up.iter().any(|part| *part != 0.0)
+        };
+        if let Some(up) = self.up.filter(|up| !is_direction(up)) {
+            return Err(format!("up: expected a direction, found {up:?}"));
+        }
+        if let Some(rate) = self.frames_per_second.filter(|rate| !(1e-3..=1e4).contains(rate)) {
+            return Err(format!("frames_per_second: expected 0.001 to 10000, found {rate}"));
+        }
         Ok(Cameras {
             color: self.camera.camera(color).map_err(|reason| format!("camera: {reason}"))?,
             depth: depth_camera,
@@ -182,6 +191,12 @@ impl DepthLens {
 
 fn camera(size: Size, lens: [f64; 4], bend: Option<&Bend>) -> Result<Camera, String> {
     let ([fx, fy, cx, cy], Size { width, height }) = (lens, size);
+    let is_lens = fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|pixels| pixels.is_finite());
+    if !is_lens {
+        return Err(format!(
+            "expected fx and fy above 0, cx and cy finite, found {fx}, {fy}, {cx} and {cy}"
+        ));
+    }
     let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
     let named = |bend: &Bend| Distortion::named(&bend.model, &bend.coefficients);
     let distortion = bend.map_or(Ok(Distortion::None), named);

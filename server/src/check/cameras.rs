@@ -10,6 +10,8 @@ use nalgebra::Isometry3;
 
 /// Largest distance between the color and the depth camera, metres.
 const FARTHEST_APART: f64 = 10.0;
+/// Most by which straightening may enlarge a picture.
+const MOST_STRETCHED: f64 = 4.0;
 /// Brown–Conrady coefficients that are used.
 const BROWN_CONRADY: usize = 8;
 
@@ -26,11 +28,26 @@ pub(super) fn registration(open: &v1::OpenMap, limits: &Limits) -> Result<Regist
         distortion: distortion("distortion", open.distortion.as_ref())?,
     };
     let depth = open.depth_camera.as_ref().map(|wire| depth_camera(wire, limits)).transpose()?;
-    // Each lens is tried by itself, to tell which of them is wrong.
-    if Registration::new(Cameras { color, depth: None }).is_none() {
-        return Err(blind("distortion"));
+    sees(&color, "distortion")?;
+    if let Some(DepthCamera::Own { camera, .. }) = &depth {
+        sees(camera, "depth_camera.distortion")?;
     }
-    Registration::new(Cameras { color, depth }).ok_or_else(|| blind("depth_camera.distortion"))
+    Registration::new(Cameras { color, depth }).ok_or_else(|| blind("distortion"))
+}
+
+/// Refuses a lens that does not see along its axis, or of whose field hardly anything is straight.
+fn sees(camera: &Camera, field: &str) -> Result<(), Refusal> {
+    let alone = Registration::new(Cameras { color: *camera, depth: None });
+    let straight = alone.ok_or_else(|| blind(field))?.camera();
+    let stretch = (straight.fx / camera.intrinsics.fx).max(straight.fy / camera.intrinsics.fy);
+    if stretch.is_nan() || stretch > MOST_STRETCHED {
+        let reason = format!(
+            "expected a lens whose straightened picture is at most {MOST_STRETCHED} times as large, found \
+             {stretch:.1}: are the coefficients right, and of this model?"
+        );
+        return Err(Refusal::new(field, reason));
+    }
+    Ok(())
 }
 
 fn blind(field: &str) -> Refusal {

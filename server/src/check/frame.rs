@@ -16,6 +16,8 @@ use nalgebra::{Isometry3, Matrix6};
 
 /// Numbers in a pose covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
+/// Share of the depth camera's pixels with depth that color has at least.
+const LEAST_SEEN: f64 = 0.01;
 /// Longest time between color and depth of a frame, nanoseconds.
 const LONGEST_LAG_NANOS: u64 = 500_000_000;
 /// Largest sequence number of a map's first frame.
@@ -65,6 +67,29 @@ pub(crate) fn frame(
         held_out: wire.held_out,
         up,
     }))
+}
+
+/// Registers a checked frame.
+///
+/// # Errors
+/// [`Refusal`] if the color camera sees hardly any of its depth: then the cameras' places are wrong.
+pub(crate) fn registered(raw: RawFrame, opening: &Opening) -> Result<Frame, Refusal> {
+    let measured = |depths: &[f32]| depths.iter().filter(|depth| **depth > 0.0).count();
+    let sent = measured(&raw.0.depth_metres);
+    let pixels = raw.0.depth_metres.len();
+    let frame = opening.registration.register(raw);
+    let share = |found: usize, pixels: usize| found as f64 / pixels.max(1) as f64;
+    let seen = share(measured(&frame.depth_metres), frame.depth_metres.len());
+    if seen < LEAST_SEEN * share(sent, pixels) {
+        let reason = format!(
+            "the color camera sees hardly any of it: {:.1} % of its pixels have depth, and {:.0} % of the depth \
+             camera's: is depth_camera.color_from_depth right, in metres, and not inverted?",
+            100.0 * seen,
+            100.0 * share(sent, pixels)
+        );
+        return Err(Refusal::new("depth", reason));
+    }
+    Ok(frame)
 }
 
 /// How much later than color depth was taken, nanoseconds.

@@ -24,7 +24,7 @@ mod view;
 mod wait;
 
 pub(crate) use file_options::file_options;
-pub(crate) use frame::frame;
+pub(crate) use frame::{frame, registered};
 pub(crate) use limits::Limits;
 pub(crate) use opening::{Opening, opening};
 pub(crate) use question::Question;

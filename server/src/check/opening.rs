@@ -92,8 +92,11 @@ fn depths(open: &v1::OpenMap, limits: &Limits) -> Result<Depths, Refusal> {
         }
     }
     if range_metres[0] >= range_metres[1] {
-        let [near, far] = range_metres;
-        let reason = format!("expected more than the nearest depth, {near} metres, found {far}");
+        let [near, far] = widest;
+        let reason = format!(
+            "expected min_depth_metres below it, and both within the server's {near} to {far} metres, found {} to {}",
+            wanted[0], wanted[1]
+        );
         return Err(Refusal::new("max_depth_metres", reason));
     }
     if open.no_depth.len() > MOST_NO_DEPTH {

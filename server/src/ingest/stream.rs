@@ -169,8 +169,8 @@ impl Reader {
         let sequence = wire.sequence;
         let (wire, checked) = tokio::task::spawn_blocking(move || {
             let checked = check::frame(&wire, &opening, newest, &limits);
-            let register = |raw| timed(REGISTRATION_SECONDS, || opening.registration.register(raw));
-            (wire, checked.map(register))
+            let register = |raw| timed(REGISTRATION_SECONDS, || check::registered(raw, &opening));
+            (wire, checked.and_then(register))
         })
         .await
         .map_err(|_| Status::internal(format!("decoding frame {sequence} panicked")))?;

@@ -1,7 +1,7 @@
 //! Mapping the frames of a recording again, all of them or those after a checkpoint.
 
 use super::places::Load;
-use crate::check::{self, Limits, Opening, Refusal};
+use crate::check::{self, Limits, Opening};
 use crate::pipeline::engine::Engine;
 use crate::pipeline::frame::FrameOutcome;
 use crate::pipeline::map::{Map, StreamGuard};
@@ -126,7 +126,7 @@ impl<'a> Replay<'a> {
         let newest = sender.map().received_through();
         let checked = tokio::task::spawn_blocking(move || {
             let raw = check::frame(&wire, &opening, newest, &limits)?;
-            Ok::<_, Refusal>(opening.registration.register(raw))
+            check::registered(raw, &opening)
         })
         .await
         .map_err(|_| "decoding a frame panicked".to_owned())?;

@@ -2,6 +2,7 @@
 
 use crate::access::AccessOptions;
 use crate::choices::Poses;
+use crate::files::plain;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::live::{BridgeEvent, BridgeOptions, BridgeProgress, bridge};
@@ -123,7 +124,7 @@ fn bar() -> ProgressBar {
 
 fn show(bar: &ProgressBar, event: &BridgeEvent) {
     match event {
-        BridgeEvent::Told(what) => bar.suspend(|| eprintln!("lexsplat: {what}")),
+        BridgeEvent::Told(what) => bar.suspend(|| eprintln!("lexsplat: {}", plain(what))),
         BridgeEvent::Progress(counts) => bar.set_message(format!(
             "color {}  depth {}  frames {}  in the map {}  lost {}  left out {}",
             counts.colors,
@@ -153,6 +154,7 @@ fn print(map: &str, counts: &BridgeProgress) {
     }
     match counts.durable_through {
         Some(sequence) => println!("durable through frame {sequence}"),
+        None if counts.acknowledged == 0 => {}
         None => println!("not durable: the server has no data directory"),
     }
 }

@@ -1,6 +1,7 @@
 //! `lexsplat inspect`: what a recording holds, what of it would be used, and what is wrong with it.
 
 use crate::dataset::{DatasetSpec, recognised};
+use crate::files::plain;
 use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
 use lexsplat_client::dataset::{DepthCameraSeen, DistortionSeen, Inspection, inspect};
@@ -32,7 +33,7 @@ pub fn run(arguments: &Inspect) -> Result<()> {
         told["dataset"] = spec.to_string().into();
         println!("{told}");
     } else {
-        print!("{}", described(&spec, &found));
+        print!("{}", plain(&described(&spec, &found)));
     }
     Ok(())
 }

@@ -62,7 +62,11 @@ fn usual_cameras_are_accepted() {
 
 #[test]
 fn absurd_cameras_name_the_field() {
-    let bad: [(&str, Change); 16] = [
+    let bad: [(&str, Change); 18] = [
+        ("distortion", |open| open.distortion = lens(BROWN, &[1e300, 0.0, 0.0, 0.0])),
+        ("depth_camera.distortion", |open| {
+            open.depth_camera = depth(|c| c.distortion = lens(FISHEYE, &[1e9, 0.0, 0.0, 0.0]));
+        }),
         ("distortion.coefficients", |open| open.distortion = lens(BROWN, &[0.1; 3])),
         ("distortion.coefficients", |open| open.distortion = lens(BROWN, &[0.1; 14])),
         ("distortion.coefficients", |open| open.distortion = lens(BROWN, &[f64::NAN; 4])),
@@ -158,4 +162,20 @@ fn a_frame_may_have_a_camera_of_its_own() {
     let refusal = own(v1::Intrinsics { width: WIDTH + 1, ..usual }).unwrap_err();
     assert_eq!(refusal.field, "intrinsics.width");
     assert_eq!(own(v1::Intrinsics { fx: 0.0, ..usual }).unwrap_err().field, "intrinsics.fx");
+}
+
+#[test]
+fn depth_that_does_not_reach_the_picture_is_refused() {
+    let wire = with_depth(DepthFormat::U16, u16_bytes(&[2000_u16; 16 * 12]));
+    let registered_at = |x: f64| {
+        let camera = depth(|camera| camera.color_from_depth = pose(x, 1.0));
+        let open = v1::OpenMap { depth_camera: camera, ..open_message() };
+        let opening = opening(&open, &LIMITS).unwrap();
+        registered(frame(&wire, &opening, None, &LIMITS).unwrap(), &opening)
+    };
+    let beside = registered_at(0.05).unwrap();
+    assert!(beside.depth_metres.iter().any(|depth| *depth > 0.0));
+    let refusal = registered_at(5.0).unwrap_err();
+    assert_eq!(refusal.field, "depth");
+    assert!(refusal.reason.contains("color_from_depth"), "{refusal}");
 }

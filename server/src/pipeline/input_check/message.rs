@@ -76,8 +76,8 @@ pub(super) fn of_registration(verdict: &registration::Verdict) -> InputWarning {
     let registration::Verdict { placement, frames, won } = *verdict;
     let message = format!(
         "The depth does not lie on the color image. Edges of depth meet edges of the image far better if \
-         the depth picture is {} ({won} of {frames} frames fit better). Describe the depth camera when \
-         the map is opened (depth_camera), or register depth to color before it is sent.",
+         the depth picture is {} ({won} of {frames} frames fit better). Check the depth camera that \
+         opens the map (depth_camera, color_from_depth), or register depth to color before it is sent.",
         placed(&placement)
     );
     InputWarning { problem: InputProblem::UnregisteredDepth, message }

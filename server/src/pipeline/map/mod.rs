@@ -206,7 +206,8 @@ impl Map {
         let given = frame.timestamp_nanos;
         frame.timestamp_nanos = shared.times.next(given);
         let (stream, used) = (shared.streams, frame.timestamp_nanos);
-        if used != given && std::mem::replace(&mut shared.warned_of_times, stream) != stream {
+        let is_late = given != 0 && used != given;
+        if is_late && std::mem::replace(&mut shared.warned_of_times, stream) != stream {
             tracing::warn!(
                 map = self.name,
                 sequence = frame.sequence,
