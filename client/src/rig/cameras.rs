@@ -1,6 +1,6 @@
 //! The cameras of the chosen topics: whether depth is registered to color, and where its camera is if not.
 
-use super::choice::{Choice, Chosen, is_rectified, is_registered_by_name};
+use super::choice::{Choice, Chosen, is_maybe_same_frame, is_rectified, is_registered_by_name};
 use super::error::RigError;
 use super::survey::Survey;
 use super::tree::plain;
@@ -55,7 +55,10 @@ fn depth_camera(
             Some(Ok(own)) => is_same_lens(&own.intrinsics, &color.intrinsics),
             _ => true,
         };
-        is_registered_by_name(topic) || (is_same_frame && is_same_lens)
+        // It may be registered to another camera than the chosen one.
+        let is_named =
+            is_registered_by_name(topic) && is_maybe_same_frame(&choice.color, &choice.depth);
+        is_named || (is_same_frame && is_same_lens)
     });
     let own = match own {
         Some(own) if !is_registered => own?,

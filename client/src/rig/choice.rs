@@ -204,10 +204,19 @@ fn together(color: &Chosen, depth: &Chosen) -> i64 {
     let shared = first.zip(second).take_while(|(a, b)| a == b).count() as i64;
     let is_same_frame = color.picture.frame_id == depth.picture.frame_id;
     let is_same_size = color.picture.size == depth.picture.size;
+    // Color of a side camera has its depth beside it.
+    let is_beside = has(color.topic, &ASIDE) && has(depth.topic, &ASIDE);
     shared * 5
-        + 30 * i64::from(is_registered_by_name(depth.topic) && (is_same_frame || is_same_size))
+        + 60 * i64::from(is_beside)
+        + 30 * i64::from(is_registered_by_name(depth.topic) && is_maybe_same_frame(color, depth))
         + 10 * i64::from(is_same_frame)
         + 5 * i64::from(is_same_size)
+}
+
+/// Whether two topics may be of one frame of coordinates: a topic may not name its frame.
+pub(super) fn is_maybe_same_frame(one: &Chosen, other: &Chosen) -> bool {
+    let (one, other) = (&one.picture.frame_id, &other.picture.frame_id);
+    one == other || one.is_empty() || other.is_empty()
 }
 
 /// Whether a topic says that its depth was registered to color.

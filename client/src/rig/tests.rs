@@ -170,6 +170,31 @@ fn aligned_depth_is_preferred_and_registered() {
 }
 
 #[test]
+fn depth_is_that_of_the_chosen_camera() {
+    let mut survey = Survey::default();
+    for side in ["left", "right"] {
+        let frame = format!("{side}_optical");
+        for (part, encoding) in [("color", "rgb8"), ("depth", "16UC1")] {
+            pictures(&mut survey, &format!("/{side}/{part}/image_raw"), raw(encoding, &frame, BIG));
+            info(&mut survey, &format!("/{side}/{part}/camera_info"), &frame, BIG, 50.0);
+        }
+    }
+    for side in ["left", "right"] {
+        let rig = Rig::of(&survey, &wanted(&format!("color=/{side}/color/image_raw"))).unwrap();
+        assert_eq!(rig.depth_topic(), format!("/{side}/depth/image_raw"));
+    }
+    // Depth that was aligned to another camera is not registered to this one.
+    let mut survey = robot();
+    pictures(&mut survey, "/cam/aligned_depth_to_color/image_raw", raw("16UC1", "color", SMALL));
+    info(&mut survey, "/cam/aligned_depth_to_color/camera_info", "color", SMALL, 50.0);
+    let rig = Rig::of(&survey, &wanted("color=/cam/infra1/image_rect_raw")).unwrap();
+    assert_eq!(rig.depth_topic(), "/cam/depth/image_rect_raw");
+    let aligned = "color=/cam/infra1/image_rect_raw&depth=/cam/aligned_depth_to_color/image_raw";
+    let rig = Rig::of(&survey, &wanted(aligned)).unwrap();
+    assert!(matches!(rig.cameras().depth, Some(DepthCamera::Own { .. })));
+}
+
+#[test]
 fn what_is_missing_is_told() {
     let mut survey = Survey::default();
     let missing = |survey: &Survey, expected: &str| {
