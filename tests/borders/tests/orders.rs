@@ -193,9 +193,10 @@ pub const CRATES: &[Declared] = &[
         folder: "client/cli/src",
         root: "main.rs",
         levels: &[
+            &["files"],
             &[
-                "access", "answer", "bench", "choices", "dataset", "files", "progress", "runtime",
-                "server", "waiting",
+                "access", "answer", "bench", "choices", "dataset", "progress", "runtime", "server",
+                "waiting",
             ],
             &["sensing"],
             &["command/measure", "command/segment"],
