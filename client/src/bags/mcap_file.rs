@@ -16,6 +16,8 @@ use std::sync::{Mutex, PoisonError};
 const RECORD_HEADER: u64 = 9;
 /// Longer records and chunks are not read, bytes.
 const LONGEST: u64 = 1 << 29;
+/// Chunks of more bytes are not decompressed; writers end them at one to a few megabytes.
+const LONGEST_CHUNK: u64 = 1 << 28;
 /// Chunks that are kept: color and depth of a frame may lie in two.
 const KEPT: usize = 3;
 /// Place of a message outside of chunks.
@@ -196,6 +198,13 @@ fn shown(
 
 /// Calls `each` with the records of a chunk, if its checksum is right.
 fn chunk(record: &[u8], mut each: impl FnMut(Record<'_>)) -> mcap::McapResult<()> {
+    // Before anything is decompressed: a few bytes can stand for a gigabyte.
+    if let Record::Chunk { header, .. } =
+        parse_record(op::CHUNK, &record[RECORD_HEADER as usize..])?
+        && header.uncompressed_size > LONGEST_CHUNK
+    {
+        return Err(mcap::McapError::ChunkTooLarge(header.uncompressed_size));
+    }
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
@@ -219,4 +228,30 @@ fn chunk(record: &[u8], mut each: impl FnMut(Record<'_>)) -> mcap::McapResult<()
 /// Operation code and length of a record.
 fn record_header(bytes: &[u8]) -> (u8, u64) {
     (bytes[0], u64::from_le_bytes(std::array::from_fn(|at| bytes[1 + at])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_that_says_that_it_is_huge_is_not_decompressed() {
+        let saying = |bytes: u64| {
+            let body = [
+                &[0; 16][..],
+                &bytes.to_le_bytes(),
+                &[0; 4],
+                &4_u32.to_le_bytes(),
+                b"zstd",
+                &0_u64.to_le_bytes(),
+            ]
+            .concat();
+            let header = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
+            chunk(&[header, body].concat(), |_| {}).err().map(|error| error.to_string())
+        };
+        let refused = saying(1 << 30).unwrap();
+        assert!(refused.contains("1073741824"), "{refused}");
+        // Control: a usual size is another error at most.
+        assert_ne!(saying(1 << 20).as_ref(), Some(&refused));
+    }
 }
