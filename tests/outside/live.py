@@ -28,6 +28,8 @@ from foxglove import Channel, Schema
 
 # Times as slow as the walk was.
 SLOWER = 3
+# Seconds after which a client has chosen its topics; it looks at them for two.
+CHOSEN_WITHIN = 15
 STILL = np.eye(4)
 
 Message = tuple[str, int, object]
@@ -148,7 +150,8 @@ def main() -> None:
     messages = sorted(getattr(ros, device)(), key=lambda message: message[1])
     static = messages.pop([topic for topic, _, _ in messages].index("/tf_static"))
     begins = walk.nanos(0.5)
-    while not listener.has_chosen.is_set():
+    at_most = time.monotonic() + CHOSEN_WITHIN
+    while not listener.has_chosen.is_set() and time.monotonic() < at_most:
         for message in [static, *(m for m in messages if m[1] < begins)]:
             log(*message)
         time.sleep(0.1)

@@ -16,11 +16,14 @@ use tokio::io::copy_bidirectional;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
+use tokio::time::timeout;
 
 const FRAMES: usize = 18;
 const SEED: u64 = 5;
 /// The frame at which the robot goes away for a second.
 const CUT: usize = 9;
+/// A test that takes longer hangs.
+const AT_MOST: Duration = Duration::from_secs(300);
 /// As of recordings: poses are interpolated between those of the robot.
 const CLOSE: [f64; 2] = [0.003, 0.004];
 
@@ -165,7 +168,7 @@ async fn a_live_robot_is_mapped_although_it_and_the_server_go_away() {
         }
         BridgeEvent::Progress(_) => {}
     };
-    let counts = bridge(&options, live.done(), tell).await;
+    let counts = timeout(AT_MOST, bridge(&options, live.done(), tell)).await.expect("it ends");
     let told = told.into_inner().expect("nothing panics").join("\n");
     let counts = counts.unwrap_or_else(|error| panic!("{error}\n{told}"));
     println!("{counts:?}\n{told}");
@@ -211,7 +214,7 @@ async fn cameras_of_other_makers_are_mapped() {
                 *told.lock().expect("nothing panics") += &format!("{what}\n");
             }
         };
-        let counts = bridge(&options, live.done(), tell).await;
+        let counts = timeout(AT_MOST, bridge(&options, live.done(), tell)).await.expect("it ends");
         let told = told.into_inner().expect("nothing panics");
         let counts = counts.unwrap_or_else(|error| panic!("{error}\n{told}"));
         println!("{device}: {counts:?}\n{told}");

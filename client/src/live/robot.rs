@@ -31,6 +31,8 @@ const LOOK_AGAIN: Duration = Duration::from_secs(60);
 const REMIND: Duration = Duration::from_secs(10);
 const TICK: Duration = Duration::from_millis(500);
 const PING_EVERY: Duration = Duration::from_secs(5);
+/// Channels that the robot does not know are asked for again so often at most.
+const MOST_ASKED_AGAIN: u32 = 20;
 /// A robot that says nothing, not even to a ping, is gone.
 const SILENCE: Duration = Duration::from_secs(20);
 /// The largest message: a raw picture of 5000x4000 pixels, bytes.
@@ -140,6 +142,10 @@ struct Session<'a> {
     pinged: Instant,
     reminded: Option<Instant>,
     has_data: bool,
+    /// Channels that were asked for before the robot knew them.
+    early: Vec<u64>,
+    /// How many times they were asked for again.
+    asked_again: u32,
 }
 
 impl<'a> Session<'a> {
@@ -164,6 +170,8 @@ impl<'a> Session<'a> {
             pinged: now,
             reminded: None,
             has_data: false,
+            early: Vec::new(),
+            asked_again: 0,
         }
     }
 
@@ -212,9 +220,10 @@ impl<'a> Session<'a> {
     async fn said(&mut self, text: &Utf8Bytes) -> Result<(), String> {
         match protocol::said(text)? {
             Said::ServerInfo { name } => self.board.tell(format!("the robot is {name}")),
-            Said::Status { level, message } if level > 0 => {
-                self.board.tell(format!("the robot says: {message}"));
-            }
+            Said::Status { level, message } if level > 0 => match self.not_yet_known(&message) {
+                Some(channel) => self.early.push(channel),
+                None => self.board.tell(format!("the robot says: {message}")),
+            },
             Said::Advertise { channels } => return self.subscribe(channels).await,
             Said::Unadvertise { channel_ids } => {
                 self.subscribed.retain(|_, known| !channel_ids.contains(&known.channel));
@@ -222,6 +231,26 @@ impl<'a> Session<'a> {
             Said::Status { .. } | Said::Other => {}
         }
         Ok(())
+    }
+
+    /// The channel that was asked for before the robot could give it: Foxglove's SDK advertises channels a moment
+    /// before it knows them.
+    fn not_yet_known(&self, status: &str) -> Option<u64> {
+        let channel = status.strip_prefix("Unknown channel ID: ")?.trim().parse().ok()?;
+        let is_wanted = self.subscribed.values().any(|known| known.channel == channel);
+        (is_wanted && self.asked_again < MOST_ASKED_AGAIN).then_some(channel)
+    }
+
+    /// Asks again for channels that the robot did not know yet.
+    async fn ask_again(&mut self) -> Result<(), String> {
+        let early = std::mem::take(&mut self.early);
+        let again = self.subscribed.iter().filter(|(_, known)| early.contains(&known.channel));
+        let again: Vec<(u32, u64)> = again.map(|(id, known)| (*id, known.channel)).collect();
+        if again.is_empty() {
+            return Ok(());
+        }
+        self.asked_again += 1;
+        self.send(Message::text(protocol::subscribe(&again))).await
     }
 
     async fn subscribe(&mut self, channels: Vec<Channel>) -> Result<(), String> {
@@ -270,6 +299,7 @@ impl<'a> Session<'a> {
             self.pinged = Instant::now();
             self.send(Message::Ping(Vec::new().into())).await?;
         }
+        self.ask_again().await?;
         match self.has_data && !self.intake.is_running() && self.began.elapsed() >= LOOK {
             true => self.choose().await,
             false => Ok(()),
