@@ -1,12 +1,12 @@
-//! `lexsplat-server check`: reads the recordings and checkpoints of a data directory and says what is damaged.
-//! It changes nothing, and needs no graphics adapter and no networks.
+//! `lexsplat-server check`: reads the recordings and checkpoints of a data directory and says what is
+//! damaged. It changes nothing, and needs no graphics adapter and no networks.
 
 use crate::store::{self, MapReport};
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a line for each map and for each damaged file. Returns whether there is a map and nothing is damaged:
-/// a directory without one is probably the wrong one.
+/// Writes a line for each map and for each damaged file. Returns whether there is a map and nothing is
+/// damaged: a directory without one is probably the wrong one.
 ///
 /// # Errors
 /// If the directory cannot be listed, or nothing can be written.

@@ -17,7 +17,8 @@ pub(crate) const QUERY_SECONDS: &str = "lexsplat_query_seconds";
 pub(crate) const RENDER_SECONDS: &str = "lexsplat_render_seconds";
 /// Histogram: seconds to check, decode and register a frame.
 pub(crate) const DECODE_SECONDS: &str = "lexsplat_decode_seconds";
-/// Histogram: seconds to remove distortion from a frame and to register its depth; close to 0 if neither is needed.
+/// Histogram: seconds to remove distortion from a frame and to register its depth; close to 0 if neither is
+/// needed.
 pub(crate) const REGISTRATION_SECONDS: &str = "lexsplat_registration_seconds";
 /// Histogram: seconds from a decoded frame to its acknowledgement, with the time in the queue.
 pub(crate) const FRAME_SECONDS: &str = "lexsplat_frame_seconds";

@@ -71,7 +71,8 @@ async fn words_find_things_and_shuffled_features_do_not() {
     find_things(Clock::PerFrame).await;
 }
 
-/// What is found may hang on how fast the machine is, but not much (`BENCHMARKS.md`): of 15 things 13 at worst.
+/// What is found may hang on how fast the machine is, but not much (`BENCHMARKS.md`): of 15 things 13 at
+/// worst.
 #[tokio::test(flavor = "multi_thread")]
 async fn words_find_things_where_frames_come_first() {
     find_things(Clock::Realtime).await;

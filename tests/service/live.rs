@@ -1,4 +1,5 @@
-//! A live robot, served by an outside library, is mapped: with a robot that goes away, and a server that does.
+//! A live robot, served by an outside library, is mapped: with a robot that goes away, and a server that
+//! does.
 
 use lexsplat_client::Access;
 use lexsplat_client::live::{BridgeError, BridgeEvent, BridgeOptions, BridgeProgress, bridge};
@@ -130,8 +131,8 @@ fn room() -> (tempfile::TempDir, Vec<Isometry3<f64>>) {
     (folder, Robot::with(SEED, FRAMES, camera).poses)
 }
 
-/// Compares the last frames of a map, since the first was sent several times before topics were chosen. Returns the
-/// worst distances from the truth, and from the frames before those as a negative control.
+/// Compares the last frames of a map, since the first was sent several times before topics were chosen.
+/// Returns the worst distances from the truth, and from the frames before those as a negative control.
 fn compared(server: &Server, map: &str, truth: &[Isometry3<f64>]) -> [[f64; 2]; 2] {
     let snapshot = server.engine.map(map).expect("it is there").snapshot();
     let path = &snapshot.trajectory;

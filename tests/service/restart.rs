@@ -1,4 +1,5 @@
-//! A server that is started again: its maps are loaded from checkpoints and recordings, and are what they were.
+//! A server that is started again: its maps are loaded from checkpoints and recordings, and are what they
+//! were.
 
 use lexsplat_client::Access;
 use lexsplat_client::dataset::Intrinsics;

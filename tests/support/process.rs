@@ -25,7 +25,8 @@ pub fn program(name: &str) -> PathBuf {
 }
 
 impl ServerProcess {
-    /// Starts with `configs/tiny.toml` and these settings (`LEXSPLAT__SECTION__KEY`), waits until it is ready.
+    /// Starts with `configs/tiny.toml` and these settings (`LEXSPLAT__SECTION__KEY`), waits until it is
+    /// ready.
     pub fn start(settings: &[(&str, &str)]) -> Self {
         Self::run(Command::new(program("lexsplat-server")), settings)
     }

@@ -106,7 +106,8 @@ impl DatasetSpec {
     }
 }
 
-/// The kind of a file by its name, or of a folder by the files in it. Options may follow, see [`DatasetSpec`].
+/// The kind of a file by its name, or of a folder by the files in it. Options may follow, see
+/// [`DatasetSpec`].
 ///
 /// # Errors
 /// What was looked for, if it is of no known kind.
@@ -185,8 +186,8 @@ fn with_options(text: &str) -> Result<(PathBuf, Box<Wanted>), SpecError> {
     }
 }
 
-/// Says on standard error what was assumed when a data set was opened, what was left out, and what the server is
-/// to do with its lenses.
+/// Says on standard error what was assumed when a data set was opened, what was left out, and what the
+/// server is to do with its lenses.
 pub fn tell(dataset: &dyn Dataset) {
     let say = |words: &str| eprintln!("lexsplat: {}", plain(words));
     dataset.notes().iter().for_each(|note| say(note));

@@ -19,8 +19,8 @@ pub fn save_image(path: &Path, image: &RgbImage) -> Result<()> {
     image.save(path).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Text from outside for a terminal: control characters, but for ends of lines, are shown as they are written in
-/// source code.
+/// Text from outside for a terminal: control characters, but for ends of lines, are shown as they are
+/// written in source code.
 pub fn plain(text: &str) -> String {
     let shown = |character: char| match character {
         '\n' => "\n".to_owned(),

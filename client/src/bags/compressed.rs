@@ -7,8 +7,8 @@ const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// The most bytes of a message.
 const LONGEST: u64 = 1 << 29;
 
-/// What a message says. If it is compressed, it is decompressed into `space`: no message in CDR begins as zstd
-/// does.
+/// What a message says. If it is compressed, it is decompressed into `space`: no message in CDR begins as
+/// zstd does.
 ///
 /// # Errors
 /// [`MessageError`] if it is damaged.

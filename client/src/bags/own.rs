@@ -1,5 +1,5 @@
-//! Recordings of lexsplat's own server: `/lexsplat/open` has the cameras, and `/lexsplat/frame` all of a frame but
-//! its pictures, which are the messages of `/camera/…` before it.
+//! Recordings of lexsplat's own server: `/lexsplat/open` has the cameras, and `/lexsplat/frame` all of a
+//! frame but its pictures, which are the messages of `/camera/…` before it.
 
 use super::files::{FilePlace, Files};
 use super::store::Message;

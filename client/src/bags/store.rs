@@ -32,8 +32,8 @@ pub(super) struct Message<'a> {
 
 /// A file of messages.
 pub(super) trait Store: Send + Sync {
-    /// Shows every message, in the order of the file. Returns what is wrong with the file, in words; what lies
-    /// behind damage is shown too, if it can be found.
+    /// Shows every message, in the order of the file. Returns what is wrong with the file, in words; what
+    /// lies behind damage is shown too, if it can be found.
     ///
     /// # Errors
     /// [`DatasetError`] if nothing of the file can be read.

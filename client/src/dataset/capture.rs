@@ -1,7 +1,7 @@
 //! Frames in one file: what every format of that kind comes to.
 //!
-//! A format opens its file, builds a [`Capture`] and reads pictures when they are asked for; the file is never
-//! in memory as a whole.
+//! A format opens its file, builds a [`Capture`] and reads pictures when they are asked for; the file is
+//! never in memory as a whole.
 
 use super::error::DatasetError;
 use super::frame::{Cameras, Color, Depth, FrameExtras, Intrinsics, Moment, RgbdFrame};

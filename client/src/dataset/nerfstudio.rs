@@ -4,8 +4,8 @@
 //!
 //! Depth is 16-bit PNG or `.npy`, of any size, taken through color's lens; its unit is
 //! `depth_unit_scale_factor` metres, or a millimetre. A frame may have a camera of its own. Poses that
-//! `applied_scale` says were scaled are scaled back. Frames come in the order of their names; a frame's number
-//! is its place in it.
+//! `applied_scale` says were scaled are scaled back. Frames come in the order of their names; a frame's
+//! number is its place in it.
 
 use super::error::DatasetError;
 use super::files::{self, Size};

@@ -1,10 +1,10 @@
 //! Record3D's `.r3d` files: a zip of `metadata` (JSON), `rgbd/N.jpg`, `rgbd/N.depth` and `rgbd/N.conf`.
 //!
-//! `metadata` has the size of color (`w`, `h`) and of depth (`dw`, `dh`), the camera `K` (3x3, column by column) or
-//! one for each frame (`perFrameIntrinsicCoeffs`, `fx fy cx cy`), `poses` (`qx qy qz qw tx ty tz`,
-//! `world_from_camera`, camera axes x right, y up, z back, world y up) and `frameTimestamps` (seconds). Depth is
-//! float32 metres and confidence a byte (0 low, 1 medium, 2 high), LZFSE, zlib or as they are. Depth comes through
-//! color's lens. Pixels of low confidence are no measurement.
+//! `metadata` has the size of color (`w`, `h`) and of depth (`dw`, `dh`), the camera `K` (3x3, column by
+//! column) or one for each frame (`perFrameIntrinsicCoeffs`, `fx fy cx cy`), `poses` (`qx qy qz qw tx ty
+//! tz`, `world_from_camera`, camera axes x right, y up, z back, world y up) and `frameTimestamps`
+//! (seconds). Depth is float32 metres and confidence a byte (0 low, 1 medium, 2 high), LZFSE, zlib or as
+//! they are. Depth comes through color's lens. Pixels of low confidence are no measurement.
 
 use super::capture::{Capture, Pictures, Shot, exactly, inflated};
 use super::error::DatasetError;

@@ -1,7 +1,7 @@
-//! Replica layout: `results/frame%06d.jpg` (or `.jpeg`, `.png`), `results/depth%06d.png`, `traj.txt`
-//! (one `world_from_camera` per line, 4x4 row-major; line `n` from 0 is frame `n`), `cam_params.json`
-//! (`{"camera":{"w","h","fx","fy","cx","cy","scale"}}`, scale in depth units per metre) in the folder
-//! or in the one above it, and optionally `semantic/%06d.png` (8 or 16 bit, instance ids) with `instances.json`.
+//! Replica layout: `results/frame%06d.jpg` (or `.jpeg`, `.png`), `results/depth%06d.png`, `traj.txt` (one
+//! `world_from_camera` per line, 4x4 row-major; line `n` from 0 is frame `n`), `cam_params.json`
+//! (`{"camera":{"w","h","fx","fy","cx","cy","scale"}}`, scale in depth units per metre) in the folder or in
+//! the one above it, and optionally `semantic/%06d.png` (8 or 16 bit, instance ids) with `instances.json`.
 
 use super::error::DatasetError;
 use super::files::Size;

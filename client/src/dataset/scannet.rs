@@ -1,10 +1,11 @@
-//! ScanNet's `.sens` files, version 4, as its SensReader describes them, little-endian: version (u32), name of the
-//! sensor (u64 bytes), intrinsics and extrinsics of color and of depth (four 4x4 float32, row by row), compression of
-//! color and depth (i32), sizes (u32), units of depth per metre (float32), number of frames (u64), and then each
-//! frame: `world_from_camera` (4x4 float32), times of color and depth (u64 µs), sizes of both (u64), color, depth.
+//! ScanNet's `.sens` files, version 4, as its SensReader describes them, little-endian: version (u32), name
+//! of the sensor (u64 bytes), intrinsics and extrinsics of color and of depth (four 4x4 float32, row by
+//! row), compression of color and depth (i32), sizes (u32), units of depth per metre (float32), number of
+//! frames (u64), and then each frame: `world_from_camera` (4x4 float32), times of color and depth (u64 µs),
+//! sizes of both (u64), color, depth.
 //!
-//! Extrinsics are poses in a common frame, color's as a rule. A frame's number is its place in the file. A file that
-//! ends early has the frames before its end.
+//! Extrinsics are poses in a common frame, color's as a rule. A frame's number is its place in the file. A
+//! file that ends early has the frames before its end.
 
 use super::capture::{Capture, Pictures, Shot, exactly, inflated};
 use super::error::DatasetError;

@@ -77,8 +77,8 @@ impl TimedPoses {
     }
 }
 
-/// Pairs of indices into the two lists, at most 0.02 s apart, closest in time first served, in the order of the
-/// first.
+/// Pairs of indices into the two lists, at most 0.02 s apart, closest in time first served, in the order of
+/// the first.
 pub(super) fn pair<A, B>(first: &[Timed<A>], second: &[Timed<B>]) -> Vec<(usize, usize)> {
     let mut close = Vec::new();
     for (i, a) in first.iter().enumerate() {

@@ -7,8 +7,9 @@
 //! a Brown-Conrady distortion, `k1 k2 p1 p2 k3`. A frame's number is its picture's place in
 //! `rgb.txt`, from 0.
 //!
-//! Without `rgb.txt`, a list of pairs is read (ICL-NUIM's `associations.txt`: `timestamp file timestamp file` per
-//! line, the file with `depth` in its name is depth), and without `groundtruth.txt` a `*.gt.freiburg`.
+//! Without `rgb.txt`, a list of pairs is read (ICL-NUIM's `associations.txt`: `timestamp file timestamp
+//! file` per line, the file with `depth` in its name is depth), and without `groundtruth.txt` a
+//! `*.gt.freiburg`.
 
 use super::error::DatasetError;
 use super::files::{self, Size};

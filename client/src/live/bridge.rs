@@ -13,9 +13,9 @@ const WAITING: usize = 32;
 /// How long the last frames may take after the bridge was stopped.
 const LAST: Duration = Duration::from_secs(30);
 
-/// Streams what a robot sends into a map until `stop` is done, or as many frames are acknowledged as the options say.
-/// Then the frames that wait are still sent. Connects again, with growing waits, when the robot or the server goes
-/// away.
+/// Streams what a robot sends into a map until `stop` is done, or as many frames are acknowledged as the
+/// options say. Then the frames that wait are still sent. Connects again, with growing waits, when the
+/// robot or the server goes away.
 ///
 /// # Errors
 /// [`BridgeError`] if an address is wrong, or the server refuses the map.

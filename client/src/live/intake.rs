@@ -1,7 +1,8 @@
 //! Messages of a robot become frames.
 //!
-//! First topics are looked at, then some are chosen, and then each color picture waits for its depth and, if poses are
-//! given, for its pose. In: messages. Out: frames, in the order of color. Nothing here knows networks.
+//! First topics are looked at, then some are chosen, and then each color picture waits for its depth and,
+//! if poses are given, for its pose. In: messages. Out: frames, in the order of color. Nothing here knows
+//! networks.
 
 use super::board::BridgeProgress;
 use crate::dataset::RgbdFrame;

@@ -1,5 +1,6 @@
-//! Foxglove's WebSocket protocol, as far as a subscriber needs it: `foxglove.sdk.v1`, and `foxglove.websocket.v1` of
-//! earlier bridges. In: text and binary messages. Out: channels, data, and requests as JSON.
+//! Foxglove's WebSocket protocol, as far as a subscriber needs it: `foxglove.sdk.v1`, and
+//! `foxglove.websocket.v1` of earlier bridges. In: text and binary messages. Out: channels, data, and
+//! requests as JSON.
 
 use serde::Deserialize;
 use tokio_tungstenite::tungstenite::Bytes;

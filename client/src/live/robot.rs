@@ -46,7 +46,8 @@ pub(super) enum Passed {
     Frame(Box<RgbdFrame>),
 }
 
-/// Connects again and again, until `ends` is true or nobody takes frames any more. `out` is dropped at the end.
+/// Connects again and again, until `ends` is true or nobody takes frames any more. `out` is dropped at the
+/// end.
 pub(super) async fn receive(
     options: &BridgeOptions,
     out: mpsc::Sender<Passed>,
@@ -233,8 +234,8 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// The channel that was asked for before the robot could give it: Foxglove's SDK advertises channels a moment
-    /// before it knows them.
+    /// The channel that was asked for before the robot could give it: Foxglove's SDK advertises channels a
+    /// moment before it knows them.
     fn not_yet_known(&self, status: &str) -> Option<u64> {
         let channel = status.strip_prefix("Unknown channel ID: ")?.trim().parse().ok()?;
         let is_wanted = self.subscribed.values().any(|known| known.channel == channel);

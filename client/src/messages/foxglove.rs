@@ -103,7 +103,8 @@ impl Schema {
     }
 }
 
-/// The JSON schema of calibrations calls its matrices `D`, `K`, `R` and `P`; in protobuf they are `d`, `k`, ….
+/// The JSON schema of calibrations calls its matrices `D`, `K`, `R` and `P`; in protobuf they are `d`, `k`,
+/// ….
 fn lower_case(value: Value) -> Value {
     let Value::Object(fields) = value else { return value };
     fields.into_iter().map(|(name, value)| (name.to_lowercase(), value)).collect()

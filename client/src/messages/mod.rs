@@ -1,8 +1,8 @@
 //! **Messages** of robots as plain readings: ROS 2 in CDR, Foxglove in protobuf and JSON.
 //!
-//! [`Decoder::of`] finds a decoder by the names of an encoding and a schema; [`Decoder::read`] turns the bytes
-//! of a message into a [`Reading`]. Bytes come from outside: damaged ones are a [`MessageError`]. Nothing here
-//! knows topics, files or networks.
+//! [`Decoder::of`] finds a decoder by the names of an encoding and a schema; [`Decoder::read`] turns the
+//! bytes of a message into a [`Reading`]. Bytes come from outside: damaged ones are a [`MessageError`].
+//! Nothing here knows topics, files or networks.
 
 mod calibration;
 mod cdr;

@@ -15,8 +15,8 @@ pub fn window(colors: &[u64], depths: &[u64]) -> u64 {
     (shortest / 2 + shortest / 20).max(LEAST_WINDOW_NANOS)
 }
 
-/// Pairs of places in two lists of times, at most `within` nanoseconds apart. Each is used once, the nearest are
-/// served first. Sorted by the first place.
+/// Pairs of places in two lists of times, at most `within` nanoseconds apart. Each is used once, the
+/// nearest are served first. Sorted by the first place.
 pub fn pair(colors: &[u64], depths: &[u64], within: u64) -> Vec<(usize, usize)> {
     let mut order: Vec<usize> = (0..depths.len()).collect();
     order.sort_by_key(|at| depths[*at]);

@@ -99,7 +99,8 @@ impl Rig {
         &self.depth_topic
     }
 
-    /// The cameras. Depth of 16 bits is in units of [`DEPTH_UNIT_METRES`](crate::messages::DEPTH_UNIT_METRES).
+    /// The cameras. Depth of 16 bits is in units of
+    /// [`DEPTH_UNIT_METRES`](crate::messages::DEPTH_UNIT_METRES).
     pub fn cameras(&self) -> &Cameras {
         &self.cameras
     }

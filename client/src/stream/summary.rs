@@ -32,7 +32,8 @@ pub struct Progress {
 pub struct InputWarning {
     /// Number of the frame with which the server noticed it.
     pub sequence: u64,
-    /// `depth_unit`, `inverted_poses`, `camera_axes`, `unregistered_depth`, `repeated_depth` or `bad_beginning`.
+    /// `depth_unit`, `inverted_poses`, `camera_axes`, `unregistered_depth`, `repeated_depth` or
+    /// `bad_beginning`.
     pub problem: String,
     /// What is wrong, how sure that is, and what to do.
     pub message: String,

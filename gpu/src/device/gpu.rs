@@ -171,8 +171,8 @@ impl Gpu {
         polled.map(|_| ()).map_err(|error| GpuError::DeviceLost(error.to_string()))
     }
 
-    /// Frees the memory of objects that were dropped. A buffer with a write that was never submitted stays until
-    /// the next submission, which this makes. Waits for it.
+    /// Frees the memory of objects that were dropped. A buffer with a write that was never submitted stays
+    /// until the next submission, which this makes. Waits for it.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].

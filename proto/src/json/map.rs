@@ -96,8 +96,8 @@ pub struct LoadProgress {
 pub struct Up {
     /// Unit length.
     pub direction: [f64; 3],
-    /// "given": by the sender. "gravity": measured with the frames. "floor": floors and other level surfaces, and
-    /// walls. "camera": a guess, the cameras' upper side.
+    /// "given": by the sender. "gravity": measured with the frames. "floor": floors and other level
+    /// surfaces, and walls. "camera": a guess, the cameras' upper side.
     pub source: String,
     /// How much speaks for it, 0 to 1: 1 if it was given; with gravity the share of the readings within 10
     /// degrees of it; with floors how much more of the surfaces than by chance is level or upright, within 10

@@ -1,7 +1,7 @@
 //! Depth images: 16-bit PNG, raw 16 bit, zstd of it, or metres -> `[height * width]` metres.
 //!
-//! Depths out of range become 0, "no measurement", and so do the values of [`Depths::none`] in the 16-bit formats. If nearly
-//! all depths are out of range, the unit must be wrong, and the frame is refused.
+//! Depths out of range become 0, "no measurement", and so do the values of [`Depths::none`] in the 16-bit
+//! formats. If nearly all depths are out of range, the unit must be wrong, and the frame is refused.
 
 use super::images::{self, Size, u16s, unzstd};
 use super::opening::{Depths, Opening};

@@ -4,8 +4,8 @@ use super::question::about;
 use super::refusal::Refusal;
 use crate::export::{FileOptions, FileUp};
 
-/// Checks the text, whose relevancy a mesh shows, and the axis that points up. The voxel size is checked where
-/// the mesh is made. An empty `up` is none.
+/// Checks the text, whose relevancy a mesh shows, and the axis that points up. The voxel size is checked
+/// where the mesh is made. An empty `up` is none.
 ///
 /// # Errors
 /// [`Refusal`] names `text` or `up`.

@@ -21,8 +21,8 @@ const UNSIGNED_BYTE: u32 = 5121;
 /// Component type of glTF.
 const FLOAT: u32 = 5126;
 
-/// The color heads as `splats.glb`; `turn` is the rotation of the node. An empty map has a scene without nodes: accessors must not be
-/// empty.
+/// The color heads as `splats.glb`; `turn` is the rotation of the node. An empty map has a scene without
+/// nodes: accessors must not be empty.
 pub(super) fn splats_glb(gaussians: &HostGaussians, turn: &UnitQuaternion<f64>) -> Vec<u8> {
     let all: Vec<Splat> = splats(gaussians).collect();
     let mut buffer = Buffer::default();

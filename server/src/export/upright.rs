@@ -1,7 +1,7 @@
 //! Turning a map so that an axis of the file points up.
 //!
-//! In: a snapshot with its direction up, and an axis. Out: the rotation about the map's origin, and the turned
-//! snapshot: Gaussians, keyframes and trajectory. Nothing is moved or scaled.
+//! In: a snapshot with its direction up, and an axis. Out: the rotation about the map's origin, and the
+//! turned snapshot: Gaussians, keyframes and trajectory. Nothing is moved or scaled.
 
 use crate::pipeline::frame::TrackedFrame;
 use crate::pipeline::snapshot::{KeyframeInfo, MapSnapshot};
@@ -46,8 +46,9 @@ impl FileUp {
     }
 }
 
-/// The rotation that takes up in the map to up in the file. Quarter turns bring the map's nearest axis there, and
-/// the smallest rotation brings up itself there; so a small change of up never turns a file about its up.
+/// The rotation that takes up in the map to up in the file. Quarter turns bring the map's nearest axis
+/// there, and the smallest rotation brings up itself there; so a small change of up never turns a file
+/// about its up.
 pub(super) fn turn(map: &MapSnapshot, file: FileUp) -> UnitQuaternion<f64> {
     match (&map.up, file) {
         (Some(up), FileUp::Axis(axis)) => to_axis(up.direction, axis),

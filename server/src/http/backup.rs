@@ -26,8 +26,8 @@ const BACKLOG: usize = 4;
 const DRAINED_BYTES: usize = 64 << 20;
 const DRAINED_WITHIN: Duration = Duration::from_secs(10);
 
-/// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile. A client that takes
-/// less than 16 KiB a second for long gets no more.
+/// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile. A client that
+/// takes less than 16 KiB a second for long gets no more.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
     responses(

@@ -13,8 +13,8 @@ pub(super) struct ExportOptions {
     pub(super) voxel: Option<f32>,
     /// mesh.ply: a text; its relevancy becomes a property of the vertices.
     pub(super) text: Option<String>,
-    /// The axis of the file that points up: x, y, z, -x, -y or -z. The map is turned about its origin. "map": its
-    /// own coordinates. If absent, y for splats.glb, as glTF demands, and "map" for all others.
+    /// The axis of the file that points up: x, y, z, -x, -y or -z. The map is turned about its origin.
+    /// "map": its own coordinates. If absent, y for splats.glb, as glTF demands, and "map" for all others.
     pub(super) up: Option<String>,
 }
 

@@ -27,8 +27,8 @@ pub(crate) enum BackupError {
     Refused { reason: String },
 }
 
-/// Writes a checkpoint of a map and opens its files. A map that is not loaded is backed up as it is on disk. The
-/// permit is to be kept until the backup is written.
+/// Writes a checkpoint of a map and opens its files. A map that is not loaded is backed up as it is on
+/// disk. The permit is to be kept until the backup is written.
 ///
 /// # Errors
 /// [`BackupError`].

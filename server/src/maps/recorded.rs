@@ -193,8 +193,8 @@ impl RecordedMaps {
         })
     }
 
-    /// All that is wrong with recordings, in words: damage, maps that could not be rebuilt, frames that cannot
-    /// be recorded, and little room.
+    /// All that is wrong with recordings, in words: damage, maps that could not be rebuilt, frames that
+    /// cannot be recorded, and little room.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let names = self.store.maps().unwrap_or_default();
         let damaged =

@@ -1,9 +1,9 @@
 //! A checkpoint: the whole state of a map, from which it goes on exactly as if it had never stopped.
 //!
-//! In: what the map's thread copied between two pieces of work. Out: records of [MessagePack](https://msgpack.org)
-//! with named fields, so that a field that is missing or of another type is an error. The first record has
-//! all that is small, the second the Gaussians with the moments of the optimiser; then comes one for each
-//! keyframe. Files, checksums and compression are not known here.
+//! In: what the map's thread copied between two pieces of work. Out: records of
+//! [MessagePack](https://msgpack.org) with named fields, so that a field that is missing or of another type
+//! is an error. The first record has all that is small, the second the Gaussians with the moments of the
+//! optimiser; then comes one for each keyframe. Files, checksums and compression are not known here.
 
 use super::closure::Detection;
 use super::frame::Frame;

@@ -1,8 +1,8 @@
 //! The paper's pipeline, one folder for each stage: tracker, encoder, SRD, compressor, mapper, query.
 //!
-//! In: checked [`frame::Frame`]s and [`query::Query`]s. Out: outcomes, snapshots, answers. One thread for each
-//! map owns its live state. All maps share one thread that owns the vision networks and one that answers
-//! questions from snapshots. Nothing here knows gRPC or HTTP.
+//! In: checked [`frame::Frame`]s and [`query::Query`]s. Out: outcomes, snapshots, answers. One thread for
+//! each map owns its live state. All maps share one thread that owns the vision networks and one that
+//! answers questions from snapshots. Nothing here knows gRPC or HTTP.
 
 mod backdrop;
 mod bilinear;

@@ -12,8 +12,8 @@ pub(super) fn carried(b_from_a: &Isometry3<f64>, covariance: &Matrix6<f64>) -> M
     adjoint * covariance * adjoint.transpose()
 }
 
-/// The same knowledge of `b_from_a`, in the coordinates of b, if this is the covariance of `a_from_b` in those
-/// of a.
+/// The same knowledge of `b_from_a`, in the coordinates of b, if this is the covariance of `a_from_b` in
+/// those of a.
 pub(super) fn inverted(a_from_b: &Isometry3<f64>, covariance: &Matrix6<f64>) -> Matrix6<f64> {
     carried(&a_from_b.inverse(), covariance)
 }

@@ -1,7 +1,7 @@
 //! Quantiles of unsorted values.
 
-/// The value that this share (0 to 1) of the values is below; `None` if there are none, or if it is not finite.
-/// The values are put into another order.
+/// The value that this share (0 to 1) of the values is below; `None` if there are none, or if it is not
+/// finite. The values are put into another order.
 pub(super) fn quantile(values: &mut [f32], share: f32) -> Option<f32> {
     let at = (values.len() as f32 * share) as usize;
     if at >= values.len() {

@@ -48,8 +48,8 @@ impl MapSnapshot {
         Some(&self.trajectory[at])
     }
 
-    /// The camera that took a frame: that of the keyframe nearest in number, since several cameras may feed a map
-    /// one after the other. `None` while the map is empty.
+    /// The camera that took a frame: that of the keyframe nearest in number, since several cameras may feed
+    /// a map one after the other. `None` while the map is empty.
     pub fn camera(&self, sequence: u64) -> Option<Intrinsics> {
         let after = self.keyframes.partition_point(|info| info.frame.sequence < sequence);
         let around = &self.keyframes[after.saturating_sub(1)..self.keyframes.len().min(after + 1)];

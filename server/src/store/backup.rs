@@ -1,8 +1,9 @@
 //! A backup: the files of a map's folder in one tar, and back.
 //!
 //! A backup is taken while frames are recorded. A recording only grows, so what it has at the beginning is
-//! what the backup gets; a part of a frame at the end is left out by readers. At the end of the tar there is a
-//! list of checksums, in the format of `sha256sum`: a tar that lacks a file, or a part of one, is refused.
+//! what the backup gets; a part of a frame at the end is left out by readers. At the end of the tar there
+//! is a list of checksums, in the format of `sha256sum`: a tar that lacks a file, or a part of one, is
+//! refused.
 
 use super::checkpoints::{self, CheckpointFault, CheckpointReader};
 use super::disk::{Disk, DiskFile};
@@ -92,8 +93,8 @@ fn hex(hash: Sha256) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The first bytes of a file, and their checksum. If it has become shorter, that is an error: the archive would
-/// be wrong.
+/// The first bytes of a file, and their checksum. If it has become shorter, that is an error: the archive
+/// would be wrong.
 struct Exactly {
     file: File,
     left: u64,
@@ -230,8 +231,8 @@ fn copy(from: &mut impl Read, to: &mut dyn DiskFile, path: &Path) -> Result<Stri
     }
 }
 
-/// Checks every file of a folder: a backup has a recording with frames, one checkpoint at most, and nothing that
-/// is damaged. A checkpoint of another version is removed: the map can be made of its frames.
+/// Checks every file of a folder: a backup has a recording with frames, one checkpoint at most, and nothing
+/// that is damaged. A checkpoint of another version is removed: the map can be made of its frames.
 fn check(disk: &dyn Disk, folder: &Path) -> Result<Unpacked, BackupFault> {
     let mut unpacked = Unpacked { frames: 0, warnings: Vec::new() };
     let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();

@@ -1,5 +1,5 @@
-//! What is on a disk that fails: the durable state of each file and folder, the changes since, and what of them a
-//! crash may leave.
+//! What is on a disk that fails: the durable state of each file and folder, the changes since, and what of
+//! them a crash may leave.
 
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;

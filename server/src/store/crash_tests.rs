@@ -1,6 +1,6 @@
-//! Random histories of the store on a disk that fails and crashes: frames, checkpoints and deletions, then a
-//! crash, perhaps a flipped bit, and the store is opened again by its own reader. What was acknowledged is there,
-//! bit for bit; what was not is there as a whole or not at all; damage is told.
+//! Random histories of the store on a disk that fails and crashes: frames, checkpoints and deletions, then
+//! a crash, perhaps a flipped bit, and the store is opened again by its own reader. What was acknowledged
+//! is there, bit for bit; what was not is there as a whole or not at all; damage is told.
 
 use super::crash_model::{Fault, Lies};
 use super::directory::Directory;
@@ -260,8 +260,8 @@ impl History {
         Ok(())
     }
 
-    /// The newest checkpoint that can be read is not older than the one that was written; if one cannot, its bit
-    /// was flipped.
+    /// The newest checkpoint that can be read is not older than the one that was written; if one cannot,
+    /// its bit was flipped.
     fn compare_checkpoints(&mut self, folder: &Path) -> Result<(), Broken> {
         let mut best = None;
         for path in checkpoints::list(folder).map_err(|error| error.to_string())? {

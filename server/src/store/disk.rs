@@ -5,8 +5,8 @@ use std::fs::OpenOptions;
 use std::io::{Result, Seek, Write};
 use std::path::Path;
 
-/// Changes files and folders. A change of a folder (a new, renamed or removed entry) survives a crash once the
-/// folder is synced, data of a file once the file is.
+/// Changes files and folders. A change of a folder (a new, renamed or removed entry) survives a crash once
+/// the folder is synced, data of a file once the file is.
 pub(super) trait Disk: Send + Sync {
     /// Creates a file, which must not exist.
     fn create(&self, path: &Path) -> Result<Box<dyn DiskFile>>;

@@ -1,8 +1,8 @@
 //! A disk for tests: it fails when it is told to, and after a crash it has what a real disk may have then.
 //!
-//! Operations are done in a real folder, which readers see, and noted. At a crash, changes of a folder since it
-//! was synced, and writes to a file since it was synced, are there or not, each by chance; of a write some
-//! blocks may be there and others not. What was synced is there.
+//! Operations are done in a real folder, which readers see, and noted. At a crash, changes of a folder
+//! since it was synced, and writes to a file since it was synced, are there or not, each by chance; of a
+//! write some blocks may be there and others not. What was synced is there.
 
 use super::crash_model::{Change, Fault, Id, Lies, Node, ROOT, State};
 use super::disk::{Disk, DiskFile};

@@ -41,8 +41,8 @@ impl Usage {
     }
 }
 
-/// Bytes of the files in a folder. Files that vanish meanwhile do not count, nor does a checkpoint that is being
-/// written: its [`Reservation`] does.
+/// Bytes of the files in a folder. Files that vanish meanwhile do not count, nor does a checkpoint that is
+/// being written: its [`Reservation`] does.
 fn bytes_in(folder: &Path) -> std::io::Result<u64> {
     let is_finished = |entry: &DirEntry| {
         !entry.file_name().to_str().is_some_and(|name| name.ends_with(BEING_WRITTEN))
@@ -155,8 +155,8 @@ impl Room {
         Reservation { room: self, map: map.to_owned(), bytes: 0, replaced: 0, spare: 0 }
     }
 
-    /// Room for a checkpoint in the place of older ones of so many bytes. It may take half of what is left, so
-    /// that frames still have room.
+    /// Room for a checkpoint in the place of older ones of so many bytes. It may take half of what is left,
+    /// so that frames still have room.
     pub(super) fn reserve_checkpoint(&self, map: &str, replaced: u64) -> Reservation<'_> {
         Reservation { room: self, map: map.to_owned(), bytes: 0, replaced, spare: 1 }
     }

@@ -14,8 +14,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Written into each file as the program that made it.
 const LIBRARY: &str = concat!("lexsplat ", env!("CARGO_PKG_VERSION"));
-/// An opening message up to this size is repeated in each chunk, so that damage to one chunk leaves the others
-/// readable.
+/// An opening message up to this size is repeated in each chunk, so that damage to one chunk leaves the
+/// others readable.
 const REPEATED_OPENING_BYTES: usize = 16 << 10;
 
 /// A file that is being written. Each frame is a chunk of its own with a checksum.

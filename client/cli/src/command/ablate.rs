@@ -27,8 +27,8 @@ use std::sync::Arc;
                   lexsplat ablate --dataset synthetic:7 --frames 60 --only disentangled --only joint"
 )]
 pub struct Ablate {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, r3d:FILE, scannet:FILE,
-    /// synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH,
+    /// r3d:FILE, scannet:FILE, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     #[command(flatten)]

@@ -10,7 +10,8 @@ use lexsplat_client::rig::Wanted;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Stream a live robot (foxglove_bridge, Foxglove's SDK) into a map; connects again when one of both goes away
+/// Stream a live robot (foxglove_bridge, Foxglove's SDK) into a map; connects again when one of both goes
+/// away
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat bridge ws://robot:8765 --map kitchen\n  \
                         lexsplat bridge robot:8765 --map kitchen --poses estimate\n  \

@@ -27,8 +27,8 @@ use std::sync::Arc;
                   --grpc 127.0.0.1:50051 --http 127.0.0.1:8080"
 )]
 pub struct Evaluate {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, r3d:FILE, scannet:FILE,
-    /// synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH,
+    /// r3d:FILE, scannet:FILE, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     /// Score views and answers against the frames of this data set that have the same numbers: the same walk

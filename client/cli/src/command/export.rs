@@ -26,8 +26,8 @@ pub struct Export {
     /// Mesh: a text; its relevancy becomes a property of the vertices
     #[arg(long, value_name = "WORDS")]
     text: Option<String>,
-    /// The axis of the file that points up, or map: the map's own coordinates, which is the default for all but
-    /// glb
+    /// The axis of the file that points up, or map: the map's own coordinates, which is the default for all
+    /// but glb
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true,
           value_parser = ["x", "y", "z", "-x", "-y", "-z", "map"])]
     up: Option<String>,

@@ -20,8 +20,8 @@ use std::sync::Arc;
                         lexsplat stream --dataset 'mcap:walk.mcap?color=/rgb/image_raw&world=odom'\n  \
                         lexsplat stream --dataset replica:room0 --sensor kinect --blackout 100..110")]
 pub struct Stream {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, r3d:FILE, scannet:FILE,
-    /// synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH,
+    /// r3d:FILE, scannet:FILE, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH")]
     dataset: DatasetSpec,
     #[command(flatten)]

@@ -7,7 +7,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 const DEPTH_SIZE: (u32, u32) = (6, 4);
 
-/// A phone's pictures: color upright, depth and confidence as the sensor lies, turned to the left and smaller.
+/// A phone's pictures: color upright, depth and confidence as the sensor lies, turned to the left and
+/// smaller.
 pub(super) fn phone() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

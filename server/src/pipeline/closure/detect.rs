@@ -1,10 +1,10 @@
 //! Recognises places that the camera comes back to.
 //!
-//! In: a new keyframe, its features, and the keyframes that it is not connected with. Out: measured relative
-//! poses that are beyond doubt. Rooms may look alike, so pictures alone do not decide. A pose must also agree
-//! with the path that was walked: within twice its uncertainty, or a small share of its length, because the
-//! errors of a path may add up more than the graph expects. And a second keyframe must confirm it: another old
-//! one at once, or one of the next new ones.
+//! In: a new keyframe, its features, and the keyframes that it is not connected with. Out: measured
+//! relative poses that are beyond doubt. Rooms may look alike, so pictures alone do not decide. A pose must
+//! also agree with the path that was walked: within twice its uncertainty, or a small share of its length,
+//! because the errors of a path may add up more than the graph expects. And a second keyframe must confirm
+//! it: another old one at once, or one of the next new ones.
 
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
@@ -118,8 +118,8 @@ impl Detection {
     }
 }
 
-/// Keyframes, with their nodes, that may show what the new one shows: those that share most features, and those
-/// that the new one sees most of. `uncertain`: of each node relative to the new one, metres.
+/// Keyframes, with their nodes, that may show what the new one shows: those that share most features, and
+/// those that the new one sees most of. `uncertain`: of each node relative to the new one, metres.
 fn candidates<'a>(
     live: &'a LiveMap,
     keyframe: &Keyframe,

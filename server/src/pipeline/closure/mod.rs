@@ -1,9 +1,9 @@
 //! Closes loops: when the camera comes back to a place, the drift since the first visit is removed.
 //!
-//! In: each new keyframe, before it is mapped. It becomes a node of the pose graph, with edges to the keyframes
-//! that it was tracked with (`odometry.rs`). Older keyframes that the newest motion is not connected with are
-//! recognised and compared (`detect.rs`). Out: corrected poses of all keyframes, and Gaussians that moved with
-//! them (`apply.rs`).
+//! In: each new keyframe, before it is mapped. It becomes a node of the pose graph, with edges to the
+//! keyframes that it was tracked with (`odometry.rs`). Older keyframes that the newest motion is not
+//! connected with are recognised and compared (`detect.rs`). Out: corrected poses of all keyframes, and
+//! Gaussians that moved with them (`apply.rs`).
 //!
 //! A keyframe is connected if the graph knows its place relative to the newest keyframe well. The tracker
 //! aligns frames with connected keyframes only; otherwise a pose would lie between two places that drifted

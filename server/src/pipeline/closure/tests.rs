@@ -1,5 +1,5 @@
-//! Loops in ray-cast rooms with a noisy sensor: a turn all the way round is closed, and a room that looks like
-//! another one is not taken for it.
+//! Loops in ray-cast rooms with a noisy sensor: a turn all the way round is closed, and a room that looks
+//! like another one is not taken for it.
 
 use super::super::compressor::{self, CompressorConfig};
 use super::super::frame::{Frame, FrameUp, TrackedPose};
@@ -205,7 +205,8 @@ fn a_turn_all_the_way_round_is_closed() {
 }
 
 /// Two keyframes of a room, and a third that looks like them. According to the path it was taken so many
-/// `metres` away from the others, give or take 5 cm and 3 degrees. Returns whether a loop was found, for each.
+/// `metres` away from the others, give or take 5 cm and 3 degrees. Returns whether a loop was found, for
+/// each.
 fn are_closed(site: &mut Site, room: u64, metres: &[f64]) -> Vec<bool> {
     site.begin_anew();
     // Sequence numbers are not used again.

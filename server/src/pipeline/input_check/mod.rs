@@ -32,8 +32,8 @@ use std::collections::VecDeque;
 const EXAMINED: usize = 100;
 /// A frame is compared with the ones that were examined so many before it.
 const PARTNERS: [usize; 2] = [1, 3];
-/// Frames after which poses are judged even if too few frames had edges to see where depth is, and after which
-/// a frame without a pose means that there is nothing to judge.
+/// Frames after which poses are judged even if too few frames had edges to see where depth is, and after
+/// which a frame without a pose means that there is nothing to judge.
 const PATIENCE: usize = 16;
 /// If depth is displaced by more than this share of the width, nothing can be said about the poses.
 const MISLEADING: f32 = 0.08;

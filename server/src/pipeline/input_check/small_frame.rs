@@ -104,8 +104,8 @@ impl Glance {
         self.pixels.windows(2).all(|two| two[0].1 == two[1].1)
     }
 
-    /// Root mean square of the difference of brightness to a frame of the same size, 0 to 255, that no gain and
-    /// offset explain: another exposure is no change.
+    /// Root mean square of the difference of brightness to a frame of the same size, 0 to 255, that no gain
+    /// and offset explain: another exposure is no change.
     pub fn brightness_change(&self, other: &Self) -> f32 {
         let count = self.pixels.len().max(1) as f32;
         let mean = |glance: &Self| glance.pixels.iter().map(|pixel| pixel.0).sum::<f32>() / count;

@@ -24,8 +24,8 @@ pub(in super::super) struct Keyframe {
     pub intrinsics: Intrinsics,
     /// `[height * width * 3]`, row-major RGB as received.
     pub rgb: Arc<[u8]>,
-    /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed, here and
-    /// in `tracking`.
+    /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed,
+    /// here and in `tracking`.
     pub training: DownsampledFrame,
     /// The training image on the device.
     pub target: ColorTarget,

@@ -48,8 +48,8 @@ impl Trajectory {
         });
     }
 
-    /// Whether the sender's coordinates are those of the map: its poses are given, or hints that the map follows
-    /// or begins at.
+    /// Whether the sender's coordinates are those of the map: its poses are given, or hints that the map
+    /// follows or begins at.
     fn shares_world(&self, frame: &Frame) -> bool {
         let follows = |hint: &PoseHint| hint.covariance.is_some() || self.entries.is_empty();
         frame.world_from_camera.is_some() || frame.hint.as_deref().is_some_and(follows)

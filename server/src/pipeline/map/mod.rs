@@ -1,7 +1,7 @@
 //! A map as the edges see it: a name, a queue of frames, snapshots, events and a status.
 //!
-//! In: checked [`Frame`]s. Out: [`FrameOutcome`]s, [`MapSnapshot`]s and [`MapEvent`]s. The live map belongs to
-//! its thread (`map_thread/`), which publishes here.
+//! In: checked [`Frame`]s. Out: [`FrameOutcome`]s, [`MapSnapshot`]s and [`MapEvent`]s. The live map belongs
+//! to its thread (`map_thread/`), which publishes here.
 
 mod error;
 mod event;

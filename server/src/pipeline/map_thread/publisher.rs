@@ -46,7 +46,8 @@ impl Publisher {
         self.published_at.elapsed()
     }
 
-    /// Gives readers the map as it is now, after the frame `through`. Waits for the optimiser steps in flight.
+    /// Gives readers the map as it is now, after the frame `through`. Waits for the optimiser steps in
+    /// flight.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].

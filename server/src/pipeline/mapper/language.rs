@@ -56,7 +56,8 @@ struct CodeImage<'a> {
 }
 
 /// Gives every Gaussian that has no language yet and lies on the keyframe's surface the code of its pixel.
-/// Returns how many there were. `means`: `[n * 3]`, metres; `codes`: `[n * channels]`, zeros without language.
+/// Returns how many there were. `means`: `[n * 3]`, metres; `codes`: `[n * channels]`, zeros without
+/// language.
 fn initialise_codes(
     means: &[[f32; 3]],
     codes: &mut [f32],

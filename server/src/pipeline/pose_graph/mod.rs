@@ -74,8 +74,8 @@ impl PoseGraph {
         paths::covariances(&self.edges, from, poses)
     }
 
-    /// How far surfaces that a node shows are misplaced relative to `from`, metres; infinite for nodes that no
-    /// path leads to.
+    /// How far surfaces that a node shows are misplaced relative to `from`, metres; infinite for nodes that
+    /// no path leads to.
     pub fn uncertainty_from(&self, from: usize, poses: &[Isometry3<f64>]) -> Vec<f64> {
         let covariances = self.covariances_from(from, poses);
         let at_node = |(node, covariance): (usize, &Option<Matrix6<f64>>)| {

@@ -1,10 +1,10 @@
 //! The poses that fit all edges best: Levenberg-Marquardt over the poses of all nodes that are not fixed.
 //!
 //! An edge's residual is r = log(a_from_world world_from_b b_from_a) for the measured `b_from_a`, in the
-//! coordinates of a. With right perturbations of both poses, dr = Ad(a_from_b) tau_b - tau_a (up to terms of
-//! the order of r). First all edges count in full. Then, from there, an edge that closes a loop counts with the
-//! robust cost S log(1 + x / S) of its squared residual x (Cauchy): one that the others contradict still has a
-//! large residual, and lets go.
+//! coordinates of a. With right perturbations of both poses, dr = Ad(a_from_b) tau_b - tau_a (up to terms
+//! of the order of r). First all edges count in full. Then, from there, an edge that closes a loop counts
+//! with the robust cost S log(1 + x / S) of its squared residual x (Cauchy): one that the others contradict
+//! still has a large residual, and lets go.
 
 use super::edge::Edge;
 use lexsplat_gpu::align::se3::{self, adjoint};

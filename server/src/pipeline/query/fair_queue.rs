@@ -1,7 +1,7 @@
 //! A queue that serves clients in turn.
 //!
-//! In: jobs, each of a client. Out: one job at a time: the oldest one of the client that has waited longest for
-//! its turn. So a client with many jobs makes itself wait, not the others.
+//! In: jobs, each of a client. Out: one job at a time: the oldest one of the client that has waited longest
+//! for its turn. So a client with many jobs makes itself wait, not the others.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

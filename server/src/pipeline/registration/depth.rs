@@ -1,10 +1,10 @@
 //! Registers depth: what a depth camera measured, as another camera sees it.
 //!
-//! Each pixel of depth is a small quadrilateral, its four corners half a pixel around its centre. Neighbours on
-//! one surface share the depth of the corners between them; at the edge of a surface they do not. The
-//! quadrilaterals are drawn into the other camera's picture; the nearest one wins. So a surface is closed at any
-//! resolution, an edge is as sharp as it was measured, and what is hidden stays hidden. A pixel that no
-//! quadrilateral covers has no depth.
+//! Each pixel of depth is a small quadrilateral, its four corners half a pixel around its centre.
+//! Neighbours on one surface share the depth of the corners between them; at the edge of a surface they do
+//! not. The quadrilaterals are drawn into the other camera's picture; the nearest one wins. So a surface is
+//! closed at any resolution, an edge is as sharp as it was measured, and what is hidden stays hidden. A
+//! pixel that no quadrilateral covers has no depth.
 
 use super::camera::{Camera, Optics};
 use crate::pipeline::frame::Intrinsics;
@@ -20,8 +20,8 @@ const NEAREST: f32 = 0.01;
 pub(super) struct DepthRays {
     width: usize,
     height: usize,
-    /// `[(height + 1) * (width + 1)]`: directions through the corners of the pixels, for a depth of 1. NaN where
-    /// the lens has none.
+    /// `[(height + 1) * (width + 1)]`: directions through the corners of the pixels, for a depth of 1. NaN
+    /// where the lens has none.
     corners: Vec<[f32; 3]>,
     /// The depth camera's position, metres.
     origin: [f32; 3],
@@ -92,7 +92,8 @@ impl DepthRays {
                 canvas.vertex([x * near + a, y * near + b, z * near + c])
             });
             if let [Some(a), Some(b), Some(c), Some(d)] = vertices {
-                // The measurement itself is kept: without it, the four triangles around it would round off edges.
+                // The measurement itself is kept: without it, the four triangles around it would round off
+                // edges.
                 let Some(own) = self.centre(column, row, depth, canvas) else { continue };
                 canvas.triangle([own, a, b]);
                 canvas.triangle([own, b, c]);
@@ -113,8 +114,8 @@ impl DepthRays {
         canvas.vertex([along(0), along(1), along(2)])
     }
 
-    /// Depth at a corner of a pixel: that of the pixels around it which lie on the same surface. Inverse depth is
-    /// linear on a plane, so it is averaged.
+    /// Depth at a corner of a pixel: that of the pixels around it which lie on the same surface. Inverse
+    /// depth is linear on a plane, so it is averaged.
     fn corner_depth(
         &self,
         depths: &[f32],

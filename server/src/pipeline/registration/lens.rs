@@ -1,8 +1,8 @@
 //! Lens models: where the ray through a pixel goes.
 //!
-//! A ray is its point (x, y) on the plane z = 1. A model moves that point; the moved one is scaled and shifted
-//! to a pixel as a pinhole camera does. Formulas: Brown 1971 with the rational extension of OpenCV's
-//! `calib3d`; Kannala and Brandt 2006, equation 6, with four terms.
+//! A ray is its point (x, y) on the plane z = 1. A model moves that point; the moved one is scaled and
+//! shifted to a pixel as a pinhole camera does. Formulas: Brown 1971 with the rational extension of
+//! OpenCV's `calib3d`; Kannala and Brandt 2006, equation 6, with four terms.
 
 /// Rays beyond this radius on the plane z = 1 (80 degrees) have no pixel.
 const WIDEST: f64 = 5.671;

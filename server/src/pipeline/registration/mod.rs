@@ -1,8 +1,8 @@
 //! **Registration**: frames as the cameras took them become frames of one pinhole camera.
 //!
-//! In: a [`RawFrame`], whose color may be distorted, and whose depth may come from a camera of its own. Out: a
-//! [`Frame`] without distortion, its depth registered to color with what is hidden left out. Frames that are so
-//! already pass unchanged.
+//! In: a [`RawFrame`], whose color may be distorted, and whose depth may come from a camera of its own.
+//! Out: a [`Frame`] without distortion, its depth registered to color with what is hidden left out. Frames
+//! that are so already pass unchanged.
 
 mod camera;
 mod depth;
@@ -22,8 +22,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[cfg(test)]
 mod tests;
 
-/// A checked frame as the cameras took it: `intrinsics` is the distorted color camera, and depth has the size of
-/// [`Cameras::depth_size`].
+/// A checked frame as the cameras took it: `intrinsics` is the distorted color camera, and depth has the
+/// size of [`Cameras::depth_size`].
 #[derive(Clone, Debug)]
 pub struct RawFrame(pub Frame);
 
@@ -114,8 +114,9 @@ impl Registration {
     }
 }
 
-/// A registered frame, its depth as seen from where the camera was when color was taken. `color_from_depth`: the
-/// pose of the camera at the time of depth, in the coordinates of the camera at the time of color.
+/// A registered frame, its depth as seen from where the camera was when color was taken.
+/// `color_from_depth`: the pose of the camera at the time of depth, in the coordinates of the camera at the
+/// time of color.
 pub(super) fn at_one_time(frame: Frame, color_from_depth: &Isometry3<f64>) -> Frame {
     let camera = Camera { intrinsics: frame.intrinsics, distortion: Distortion::None };
     let rays = DepthRays::new(&camera, color_from_depth);

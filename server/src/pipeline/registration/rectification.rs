@@ -4,16 +4,16 @@ use super::camera::{Camera, Optics};
 use crate::pipeline::frame::Intrinsics;
 use rayon::prelude::*;
 
-/// Half the field of view of a rectified picture along an axis at most, as the tangent: 60 degrees. Towards the
-/// edge of a wider one a few pixels of the fisheye would fill half of the picture.
+/// Half the field of view of a rectified picture along an axis at most, as the tangent: 60 degrees. Towards
+/// the edge of a wider one a few pixels of the fisheye would fill half of the picture.
 const WIDEST: f64 = 1.732;
 /// Halvings when an edge is searched.
 const HALVINGS: usize = 40;
 /// Points of each edge of the picture that are tried.
 const EDGE_POINTS: u32 = 64;
 
-/// The pinhole camera of the same size with the widest field of view in which the lens saw every pixel. `None`
-/// if the lens does not see along its axis: then the numbers are wrong.
+/// The pinhole camera of the same size with the widest field of view in which the lens saw every pixel.
+/// `None` if the lens does not see along its axis: then the numbers are wrong.
 pub(super) fn pinhole(camera: &Camera) -> Option<Intrinsics> {
     let optics = Optics::new(camera);
     if !optics.sees([0.0, 0.0]) {
@@ -54,8 +54,8 @@ fn widest(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
     low
 }
 
-/// Weights of the pixels before, at, after and beyond a place (Catmull–Rom); `along`: from the second to the third,
-/// 0 to 1.
+/// Weights of the pixels before, at, after and beyond a place (Catmull–Rom); `along`: from the second to
+/// the third, 0 to 1.
 fn cubic(along: f32) -> [f32; 4] {
     let (one, two, three) = (along, along * along, along * along * along);
     [
@@ -90,8 +90,8 @@ impl Rectification {
         Self { width, height, places: (0..width * height).into_par_iter().map(place).collect() }
     }
 
-    /// The picture of the pinhole camera, `[height * width * 3]`, by cubic interpolation: bilinear interpolation
-    /// takes away a third of the gradients.
+    /// The picture of the pinhole camera, `[height * width * 3]`, by cubic interpolation: bilinear
+    /// interpolation takes away a third of the gradients.
     pub fn color(&self, rgb: &[u8]) -> Vec<u8> {
         let (width, height) = (self.width, self.height);
         let mut rectified = vec![0; rgb.len()];

@@ -28,8 +28,8 @@ pub(super) struct PoseCandidate {
     /// Exposure (a, b): the map's intensity is exp(a) times the frame's plus b.
     pub exposure: [f64; 2],
     pub quality: AlignmentQuality,
-    /// Covariance relative to the references, in the camera's coordinates (`pose_covariance.rs`); `None` if it
-    /// was not estimated.
+    /// Covariance relative to the references, in the camera's coordinates (`pose_covariance.rs`); `None` if
+    /// it was not estimated.
     pub covariance: Option<Matrix6<f64>>,
     /// The keyframe that it was found beside, if that is not connected with the newest.
     pub beside: Option<u64>,

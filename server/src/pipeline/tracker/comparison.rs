@@ -63,9 +63,9 @@ pub(super) fn compare<'a>(
     Ok(compared)
 }
 
-/// Measures the pose of the newest tracked frame relative to a keyframe that shows the same place; `None` unless
-/// that is beyond doubt, judged by these two pictures alone. It starts from matched features, or else from
-/// where the camera is expected, if that is known to a few centimetres.
+/// Measures the pose of the newest tracked frame relative to a keyframe that shows the same place; `None`
+/// unless that is beyond doubt, judged by these two pictures alone. It starts from matched features, or
+/// else from where the camera is expected, if that is known to a few centimetres.
 ///
 /// # Errors
 /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].

@@ -71,8 +71,8 @@ pub struct TrackerConfig {
     pub relocalise_keyframes: usize,
     /// Relocalised if at least this share of the compared pixels has the map's intensity.
     pub relocalise_intensity: f64,
-    /// and the smallest eigenvalue of the normal system is at least this share of the largest: at a blank wall,
-    /// nothing tells one place from another.
+    /// and the smallest eigenvalue of the normal system is at least this share of the largest: at a blank
+    /// wall, nothing tells one place from another.
     pub relocalise_conditioning: f64,
     /// Poses of this many newest keyframes are refined with the map. 0: none, because a young map is less
     /// exact than the poses (measured).

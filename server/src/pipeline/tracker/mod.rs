@@ -3,11 +3,11 @@
 //! In: a frame and the map. Out: its pose and exposure, or that it is lost.
 //!
 //! A given pose is taken as it is. Otherwise the frame is aligned coarse to fine, photometrically and point
-//! to plane, with the newest keyframe and the oldest ones in view, and with the map if `map_weight` is set. It
-//! starts from the pose that constant velocity predicts, or from the robot's own estimate.
+//! to plane, with the newest keyframe and the oldest ones in view, and with the map if `map_weight` is set.
+//! It starts from the pose that constant velocity predicts, or from the robot's own estimate.
 //!
-//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If not, other
-//! starts are tried (`search.rs`). The best believable pose is taken.
+//! A judge (`judge.rs`) decides from the pixels that contradict a pose whether it is convincing. If not,
+//! other starts are tried (`search.rs`). The best believable pose is taken.
 //!
 //! A frame without such a pose is lost. It is not mapped and does not change the velocity. The tracker never
 //! changes the map. If the map is young and nothing can be tracked in it, it asks for a new beginning.

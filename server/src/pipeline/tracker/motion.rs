@@ -22,8 +22,8 @@ const LONGEST_INTERVAL: u64 = 500_000_000;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Expected {
     pub world_from_camera: Isometry3<f64>,
-    /// Distance by which it may be elsewhere if it only speeds up or stops, metres; infinite if its velocity is
-    /// not known.
+    /// Distance by which it may be elsewhere if it only speeds up or stops, metres; infinite if its
+    /// velocity is not known.
     pub metres: f64,
     /// The same of its rotation, radians.
     pub radians: f64,
@@ -63,9 +63,9 @@ impl Motion {
         Some(Expected { world_from_camera, metres, radians })
     }
 
-    /// Where the camera was, or will be, `lag_nanos` after a frame, in the coordinates of the camera of that frame:
-    /// by the motion from the last pose to the frame's own one if that is given, else by the motion before.
-    /// `None` if neither is known.
+    /// Where the camera was, or will be, `lag_nanos` after a frame, in the coordinates of the camera of
+    /// that frame: by the motion from the last pose to the frame's own one if that is given, else by the
+    /// motion before. `None` if neither is known.
     pub fn during(&self, frame: &Frame, lag_nanos: i64) -> Option<Isometry3<f64>> {
         let (twist, interval) = match (frame.world_from_camera, self.last) {
             (Some(given), Some((last, since))) => {
@@ -90,7 +90,8 @@ impl Motion {
         self.last = Some((world_from_camera, nanos));
     }
 
-    /// The map was moved by `moved_from_world`, and the camera with it. The velocity is relative to the camera.
+    /// The map was moved by `moved_from_world`, and the camera with it. The velocity is relative to the
+    /// camera.
     pub fn move_by(&mut self, moved_from_world: &Isometry3<f64>) {
         self.last = self.last.map(|(pose, nanos)| (moved_from_world * pose, nanos));
     }

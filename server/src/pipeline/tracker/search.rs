@@ -23,8 +23,8 @@ const SEARCHED_FAR: usize = 3;
 /// and after them one in so many.
 const FAR_EVERY: usize = 5;
 
-/// Whether a frame may start from anywhere, after so many lost ones. That takes many times as long as tracking,
-/// so a camera that stays lost does it now and then.
+/// Whether a frame may start from anywhere, after so many lost ones. That takes many times as long as
+/// tracking, so a camera that stays lost does it now and then.
 pub(super) fn is_searched_far(lost_frames: usize) -> bool {
     lost_frames < SEARCHED_FAR || lost_frames.is_multiple_of(FAR_EVERY)
 }
@@ -127,8 +127,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Whether a pose far from where the camera is expected only looks like one that is not: colors may agree there
-/// too, as on tiles, but surfaces agree less.
+/// Whether a pose far from where the camera is expected only looks like one that is not: colors may agree
+/// there too, as on tiles, but surfaces agree less.
 fn is_alias(expected: &PoseCandidate, elsewhere: &PoseCandidate) -> bool {
     let [here, there] = [expected, elsewhere].map(|found| found.quality.depth_agreement);
     !expected.jumped && elsewhere.jumped && there < here - LESS_DEPTH

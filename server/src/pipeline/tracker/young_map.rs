@@ -1,8 +1,9 @@
 //! Whether a young map is given up for a better beginning.
 //!
 //! In: which frames were tracked and lost. Out: the lost frame with which the map begins anew. A map that
-//! began with a bad frame (over-exposed, dark, a hand before the lens) tracks nothing. While it has only a few
-//! frames, each lost one is kept; if the next lost frame agrees with it, these two are the better beginning.
+//! began with a bad frame (over-exposed, dark, a hand before the lens) tracks nothing. While it has only a
+//! few frames, each lost one is kept; if the next lost frame agrees with it, these two are the better
+//! beginning.
 
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::Frame;
@@ -16,8 +17,8 @@ const PATIENCE: usize = 10;
 /// A better beginning has at least this share of the first frame's usable pixels.
 const USABLE: f64 = 0.8;
 
-/// Dark frames that a map does not begin with: a camera needs a second to find its exposure. After them it is the
-/// room that is dark.
+/// Dark frames that a map does not begin with: a camera needs a second to find its exposure. After them it
+/// is the room that is dark.
 const DARK_FRAMES: usize = 30;
 
 /// Counts the frames of a map that may be given up.
@@ -38,8 +39,8 @@ pub(super) struct YoungMap {
 }
 
 impl YoungMap {
-    /// Whether a frame is of no use: it is blank, or a map would begin with it and it is dark. Places that only a
-    /// dark frame shows would be seen in the wrong colors.
+    /// Whether a frame is of no use: it is blank, or a map would begin with it and it is dark. Places that
+    /// only a dark frame shows would be seen in the wrong colors.
     pub fn passes_over(&mut self, frame: &DownsampledFrame, is_first: bool) -> bool {
         let waits = is_first && self.dark < DARK_FRAMES && is_dark(frame);
         self.dark += usize::from(waits);

@@ -5,8 +5,8 @@ use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Vector3};
 
 /// Facets of a picture, at most about so many.
 const FACETS: f64 = 400.0;
-/// Half the side of the square of surface that a normal is fitted to: so many metres, or that share of its depth,
-/// because the noise of depth grows with it. The larger one counts.
+/// Half the side of the square of surface that a normal is fitted to: so many metres, or that share of its
+/// depth, because the noise of depth grows with it. The larger one counts.
 const HALF_SIDE_METRES: f32 = 0.1;
 const HALF_SIDE_SHARE: f32 = 0.05;
 /// Half the side of that square in pixels.

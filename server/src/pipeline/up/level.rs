@@ -1,24 +1,24 @@
 //! Up from surfaces: floors, table tops and ceilings are level, walls and cupboards upright.
 //!
-//! After Gupta, Arbelaez and Malik, *Perceptual Organization and Recognition of Indoor Scenes* (CVPR 2013): from
-//! a first guess, surfaces are taken for level or for upright by their angle to it; the direction to which
-//! level ones are most parallel and upright ones most perpendicular is the next guess; and so on, with less
-//! and less tolerance. Slanted and round surfaces drop out on the way.
+//! After Gupta, Arbelaez and Malik, *Perceptual Organization and Recognition of Indoor Scenes* (CVPR 2013):
+//! from a first guess, surfaces are taken for level or for upright by their angle to it; the direction to
+//! which level ones are most parallel and upright ones most perpendicular is the next guess; and so on,
+//! with less and less tolerance. Slanted and round surfaces drop out on the way.
 //!
-//! A camera that is pitched down by more than 45 degrees takes the wall ahead for a ceiling. Then level surfaces
-//! face down, or there are none, and a second search begins at what faces up.
+//! A camera that is pitched down by more than 45 degrees takes the wall ahead for a ceiling. Then level
+//! surfaces face down, or there are none, and a second search begins at what faces up.
 
 use super::facet::View;
 use super::map_up::{MapUp, UpSource};
 use nalgebra::{SymmetricEigen, UnitVector3, Vector3};
 
-/// Angles within which a surface is taken for level or upright, one after the other, degrees. The first is how
-/// far the guess may be off.
+/// Angles within which a surface is taken for level or upright, one after the other, degrees. The first is
+/// how far the guess may be off.
 const TOLERANCES: &[f64] = &[45.0, 45.0, 30.0, 20.0, 10.0, 10.0, 5.0, 5.0];
 /// Those that are left out where the search begins at surfaces that face up.
 const STEEP_FROM: usize = 2;
-/// How far the guess may be off then, degrees. A wall ahead faces up by so much to a camera that is pitched up by
-/// the rest of 90 degrees.
+/// How far the guess may be off then, degrees. A wall ahead faces up by so much to a camera that is pitched
+/// up by the rest of 90 degrees.
 const STEEP_DEGREES: f64 = 60.0;
 /// Facets that are looked at; of more, a regular subset.
 const MOST_FACETS: usize = 20_000;
@@ -87,9 +87,9 @@ impl Surfaces {
             .filter(|found| found.direction.dot(&self.guess) > least && self.facing(found) > 0.0)
     }
 
-    /// The direction to which those surfaces are most parallel that have weight 1, and most perpendicular that have
-    /// weight -1, and how much better it fits than the next best one. `weight` is of the cosine between a normal
-    /// and `direction`.
+    /// The direction to which those surfaces are most parallel that have weight 1, and most perpendicular
+    /// that have weight -1, and how much better it fits than the next best one. `weight` is of the cosine
+    /// between a normal and `direction`.
     fn fit(
         &self,
         direction: UnitVector3<f64>,

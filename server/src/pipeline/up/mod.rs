@@ -1,8 +1,8 @@
 //! Which direction is up in a map, and where that is known from.
 //!
-//! In: what senders say, what accelerometers measured, measured surfaces and poses of cameras. Out: a [`MapUp`],
-//! from the best of these that there is. Nothing here changes a map: frames are tracked and mapped as if up
-//! were not known.
+//! In: what senders say, what accelerometers measured, measured surfaces and poses of cameras. Out: a
+//! [`MapUp`], from the best of these that there is. Nothing here changes a map: frames are tracked and
+//! mapped as if up were not known.
 
 mod facet;
 mod gravity;

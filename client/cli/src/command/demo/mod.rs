@@ -30,8 +30,8 @@ use std::time::Duration;
 #[command(after_help = "Examples:\n  lexsplat demo\n  \
                         lexsplat demo --dataset replica:room0 --stride 4 --ask 'blue sofa' --keep")]
 pub struct Demo {
-    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH, r3d:FILE, scannet:FILE,
-    /// synthetic or synthetic:SEED
+    /// replica:PATH, tum:PATH, 7scenes:PATH, nerfstudio:PATH, folder:PATH, mcap:PATH, rosbag2:PATH,
+    /// r3d:FILE, scannet:FILE, synthetic or synthetic:SEED
     #[arg(long, value_name = "KIND:PATH", default_value = "synthetic:7")]
     dataset: DatasetSpec,
     #[command(flatten)]

@@ -17,9 +17,9 @@ const KEYFRAMES: usize = 4;
 /// Pixels that are darker do not tell the gain.
 const LEAST_INTENSITY: f32 = 0.1;
 
-/// The median color error between a new keyframe and the newest keyframe that shares surfaces
-/// with it, 0 to 1; 0 if there is none. A gain of each color channel is removed first. A higher quantile would
-/// take small images for noisy ones: they consist of edges, which differ when pixels are averaged.
+/// The median color error between a new keyframe and the newest keyframe that shares surfaces with it, 0 to
+/// 1; 0 if there is none. A gain of each color channel is removed first. A higher quantile would take small
+/// images for noisy ones: they consist of edges, which differ when pixels are averaged.
 pub(super) fn disagreement<'a>(
     image: &DownsampledFrame,
     keyframes: impl DoubleEndedIterator<Item = &'a DownsampledFrame>,
