@@ -4,14 +4,14 @@ use super::camera;
 use super::limits::Limits;
 use super::refusal::Refusal;
 use crate::pipeline::frame::Intrinsics;
-use crate::pipeline::registration::{Camera, Cameras, DepthCamera, Distortion, Registration};
+use crate::pipeline::registration::{
+    Camera, Cameras, DepthCamera, Distortion, Registration, pinhole,
+};
 use lexsplat_proto::v1;
 use nalgebra::Isometry3;
 
 /// Largest distance between the color and the depth camera, metres.
 const FARTHEST_APART: f64 = 10.0;
-/// Most by which straightening may enlarge a picture.
-const MOST_STRETCHED: f64 = 4.0;
 /// Brown–Conrady coefficients that are used.
 const BROWN_CONRADY: usize = 8;
 
@@ -28,32 +28,12 @@ pub(super) fn registration(open: &v1::OpenMap, limits: &Limits) -> Result<Regist
         distortion: distortion("distortion", open.distortion.as_ref())?,
     };
     let depth = open.depth_camera.as_ref().map(|wire| depth_camera(wire, limits)).transpose()?;
-    sees(&color, "distortion")?;
     if let Some(DepthCamera::Own { camera, .. }) = &depth {
-        sees(camera, "depth_camera.distortion")?;
+        pinhole(camera)
+            .map_err(|error| Refusal::new("depth_camera.distortion", error.to_string()))?;
     }
-    Registration::new(Cameras { color, depth }).ok_or_else(|| blind("distortion"))
-}
-
-/// Refuses a lens that does not see along its axis, or of whose field hardly anything is straight.
-fn sees(camera: &Camera, field: &str) -> Result<(), Refusal> {
-    let alone = Registration::new(Cameras { color: *camera, depth: None });
-    let straight = alone.ok_or_else(|| blind(field))?.camera();
-    let stretch = (straight.fx / camera.intrinsics.fx).max(straight.fy / camera.intrinsics.fy);
-    if stretch.is_nan() || stretch > MOST_STRETCHED {
-        let reason = format!(
-            "expected a lens whose straightened picture is at most {MOST_STRETCHED} times as large, found \
-             {stretch:.1}: are the coefficients right, and of this model?"
-        );
-        return Err(Refusal::new(field, reason));
-    }
-    Ok(())
-}
-
-fn blind(field: &str) -> Refusal {
-    let reason = "expected a lens that sees along its axis: are the principal point and the coefficients \
-                  right, and in OpenCV's order (k1 k2 p1 p2 k3 k4 k5 k6)?";
-    Refusal::new(field, reason)
+    Registration::new(Cameras { color, depth })
+        .map_err(|error| Refusal::new("distortion", error.to_string()))
 }
 
 fn depth_camera(wire: &v1::DepthCamera, limits: &Limits) -> Result<DepthCamera, Refusal> {

@@ -13,6 +13,7 @@ use crate::pipeline::frame::{Frame, FrameUp, PoseHint};
 use crate::pipeline::registration::RawFrame;
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix6};
+use std::sync::Arc;
 
 /// Numbers in a pose covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
@@ -72,20 +73,25 @@ pub(crate) fn frame(
 /// Registers a checked frame.
 ///
 /// # Errors
-/// [`Refusal`] if the color camera sees hardly any of its depth: then the cameras' places are wrong.
+/// [`Refusal`] if the lens does not fit the frame's own intrinsics, or if the color camera sees hardly any
+/// of its depth: then the cameras' places are wrong.
 pub(crate) fn registered(raw: RawFrame, opening: &Opening) -> Result<Frame, Refusal> {
-    let measured = |depths: &[f32]| depths.iter().filter(|depth| **depth > 0.0).count();
-    let sent = measured(&raw.0.depth_metres);
-    let pixels = raw.0.depth_metres.len();
-    let frame = opening.registration.register(raw);
-    let share = |found: usize, pixels: usize| found as f64 / pixels.max(1) as f64;
-    let seen = share(measured(&frame.depth_metres), frame.depth_metres.len());
-    if seen < LEAST_SEEN * share(sent, pixels) {
+    let sent = raw.0.depth_metres.clone();
+    let frame = opening
+        .registration
+        .register(raw)
+        .map_err(|error| Refusal::new("intrinsics", error.to_string()))?;
+    let is_moved = !Arc::ptr_eq(&sent, &frame.depth_metres);
+    let share = |depths: &[f32]| {
+        let measured = depths.iter().filter(|depth| **depth > 0.0).count();
+        measured as f64 / depths.len().max(1) as f64
+    };
+    if is_moved && share(&frame.depth_metres) < LEAST_SEEN * share(&sent) {
         let reason = format!(
             "the color camera sees hardly any of it: {:.1} % of its pixels have depth, and {:.0} % of the depth \
              camera's: is depth_camera.color_from_depth right, in metres, and not inverted?",
-            100.0 * seen,
-            100.0 * share(sent, pixels)
+            100.0 * share(&frame.depth_metres),
+            100.0 * share(&sent)
         );
         return Err(Refusal::new("depth", reason));
     }

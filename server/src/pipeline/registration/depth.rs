@@ -5,120 +5,155 @@
 //! not. The quadrilaterals are drawn into the other camera's picture; the nearest one wins. So a surface is
 //! closed at any resolution, an edge is as sharp as it was measured, and what is hidden stays hidden. A
 //! pixel that no quadrilateral covers has no depth.
+//!
+//! All of it is computed with inverse depth, 1 / metres: on a plane it is linear in the picture.
 
 use super::camera::{Camera, Optics};
 use crate::pipeline::frame::Intrinsics;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Neighbours lie on one surface if it is seen at a slant of at most this tangent (83 degrees).
 const STEEPEST: f64 = 8.0;
-/// Nothing nearer to the other camera is drawn, metres.
-const NEAREST: f32 = 0.01;
+/// Inverse depth from which on nothing is drawn: what is nearer than 0.01 m to the other camera.
+const NEAREST: f32 = 100.0;
+/// The corners of a pixel, clockwise from the upper left: (right, down).
+const CORNERS: [(usize, usize); 4] = [(0, 0), (1, 0), (1, 1), (0, 1)];
 
-/// The rays of a depth camera, in the coordinates of the camera that depth is registered to.
+/// A point in the other picture: column, row, and inverse depth there.
+type Vertex = [f32; 3];
+/// A point that is not drawn.
+const NOWHERE: Vertex = [f32::NAN; 3];
+
+/// The pixels of a depth camera, ready to be drawn into another camera's picture.
+///
+/// A ray is a point of the other picture in homogeneous coordinates. What the depth camera measured along
+/// it with inverse depth i is at `ray + i * origin`.
 pub(super) struct DepthRays {
     width: usize,
     height: usize,
-    /// `[(height + 1) * (width + 1)]`: directions through the corners of the pixels, for a depth of 1. NaN
-    /// where the lens has none.
+    /// Columns and rows of the other picture.
+    drawn: [usize; 2],
+    /// `[(height + 1) * (width + 1)]`: the rays through the corners of pixels. NaN where the lens has none.
     corners: Vec<[f32; 3]>,
-    /// The depth camera's position, metres.
+    /// The depth camera itself.
     origin: [f32; 3],
     /// Neighbours whose depths differ by a larger share lie on different surfaces.
     tear: f32,
 }
 
-/// A corner of a pixel, drawn: column, row, and 1 / depth.
-type Vertex = [f32; 3];
-
 impl DepthRays {
     /// `other_from_depth`: the pose of the depth camera in the coordinates of the other one.
-    pub fn new(camera: &Camera, other_from_depth: &Isometry3<f64>) -> Self {
+    pub fn new(camera: &Camera, other_from_depth: &Isometry3<f64>, other: &Intrinsics) -> Self {
         let Intrinsics { width, height, fx, fy, .. } = camera.intrinsics;
         let (width, height) = (width as usize, height as usize);
         let optics = Optics::new(camera);
+        let projected = |to: Vector3<f64>| {
+            [other.fx * to.x + other.cx * to.z, other.fy * to.y + other.cy * to.z, to.z]
+                .map(|along| along as f32)
+        };
         let corner = |index: usize| {
             let (column, row) = (index % (width + 1), index / (width + 1));
             let ray = optics.ray([column as f64 - 0.5, row as f64 - 0.5]);
-            let turned =
-                ray.map(|[x, y]| other_from_depth.rotation * nalgebra::Vector3::new(x, y, 1.0));
-            turned.map_or([f32::NAN; 3], |along| along.cast::<f32>().into())
+            let turned = ray.map(|[x, y]| other_from_depth.rotation * Vector3::new(x, y, 1.0));
+            turned.map_or(NOWHERE, projected)
         };
         Self {
             width,
             height,
+            drawn: [other.width as usize, other.height as usize],
             corners: (0..(width + 1) * (height + 1)).into_par_iter().map(corner).collect(),
-            origin: other_from_depth.translation.vector.cast::<f32>().into(),
+            origin: projected(other_from_depth.translation.vector),
             tear: (STEEPEST / fx.min(fy)) as f32,
         }
     }
 
-    /// Depth as `other` sees it: `[height * width]` of that camera, metres; 0 where nothing is known.
-    pub fn registered(&self, depth_metres: &[f32], other: &Intrinsics) -> Vec<f32> {
+    /// Depth as the other camera sees it: `[height * width]` of its picture, metres; 0 where nothing is
+    /// known.
+    pub fn registered(&self, depth_metres: &[f32]) -> Vec<f32> {
+        let inverse = |depth: &f32| if *depth > 0.0 { depth.recip() } else { 0.0 };
+        let measured: Vec<f32> = depth_metres.iter().map(inverse).collect();
         let bands = rayon::current_num_threads().clamp(1, 16);
         let rows = self.height.div_ceil(bands).max(1);
-        let pixels = other.width as usize * other.height as usize;
-        let inverse = (0..self.height.div_ceil(rows))
+        let drawn = (0..self.height.div_ceil(rows))
             .into_par_iter()
-            .map(|band| {
-                let mut canvas = Canvas::new(other, pixels);
-                for row in band * rows..((band + 1) * rows).min(self.height) {
-                    self.draw_row(depth_metres, row, &mut canvas);
-                }
-                canvas.inverse
-            })
+            .map(|band| self.drawn(&measured, band * rows..((band + 1) * rows).min(self.height)))
             // The largest of floats does not depend on their order.
             .reduce_with(|mut one, another| {
                 one.iter_mut().zip(another).for_each(|(a, b)| *a = a.max(b));
                 one
             });
-        let metres = |inverse: f32| if inverse > 0.0 { inverse.recip() } else { 0.0 };
-        inverse.unwrap_or_default().into_iter().map(metres).collect()
+        drawn.unwrap_or_default().iter().map(inverse).collect()
     }
 
-    fn draw_row(&self, depths: &[f32], row: usize, canvas: &mut Canvas) {
-        for column in 0..self.width {
-            let depth = depths[row * self.width + column];
-            if depth <= 0.0 {
-                continue;
+    /// Draws some rows of pixels: `[height * width]` of the other picture, inverse depth; 0 where nothing is.
+    fn drawn(&self, measured: &[f32], rows: Range<usize>) -> Vec<f32> {
+        let mut canvas = Canvas::new(self.drawn);
+        let mut upper = self.joints(measured, rows.start);
+        for row in rows {
+            let lower = self.joints(measured, row + 1);
+            for column in 0..self.width {
+                if measured[row * self.width + column] > 0.0 {
+                    let joints =
+                        [upper[column], upper[column + 1], lower[column + 1], lower[column]];
+                    self.draw_pixel(measured, [column, row], joints, &mut canvas);
+                }
             }
-            // Clockwise from the upper left.
-            let around = [(0, 0), (1, 0), (1, 1), (0, 1)];
-            let vertices = around.map(|(right, down)| {
-                let near = self.corner_depth(depths, (column, row), (right, down), depth);
-                let [x, y, z] = self.corners[(row + down) * (self.width + 1) + column + right];
-                let [a, b, c] = self.origin;
-                canvas.vertex([x * near + a, y * near + b, z * near + c])
-            });
-            if let [Some(a), Some(b), Some(c), Some(d)] = vertices {
-                // The measurement itself is kept: without it, the four triangles around it would round off
-                // edges.
-                let Some(own) = self.centre(column, row, depth, canvas) else { continue };
-                canvas.triangle([own, a, b]);
-                canvas.triangle([own, b, c]);
-                canvas.triangle([own, c, d]);
-                canvas.triangle([own, d, a]);
+            upper = lower;
+        }
+        canvas.inverse
+    }
+
+    /// The upper corners of a row's pixels, where the four pixels around them lie on one surface and share
+    /// them; [`NOWHERE`] where they do not.
+    fn joints(&self, measured: &[f32], row: usize) -> Vec<Vertex> {
+        let line = |row: usize| &measured[row * self.width..][..self.width];
+        // Pixels outside are like their neighbours inside.
+        let (above, below) = (line(row.saturating_sub(1)), line(row.min(self.height - 1)));
+        let joint = |(column, corner): (usize, &[f32; 3])| {
+            let (left, right) = (column.saturating_sub(1), column.min(self.width - 1));
+            let around = [above[left], above[right], below[left], below[right]];
+            let (least, most) = (least(around), most(around));
+            if least > 0.0 && self.are_together(least, most) {
+                self.vertex(*corner, 0.25 * around.iter().sum::<f32>())
+            } else {
+                NOWHERE
+            }
+        };
+        self.corners[row * (self.width + 1)..][..=self.width]
+            .iter()
+            .enumerate()
+            .map(joint)
+            .collect()
+    }
+
+    fn draw_pixel(
+        &self,
+        measured: &[f32],
+        [column, row]: [usize; 2],
+        mut around: [Vertex; 4],
+        canvas: &mut Canvas,
+    ) {
+        let own = measured[row * self.width + column];
+        let rays = CORNERS
+            .map(|(right, down)| self.corners[(row + down) * (self.width + 1) + column + right]);
+        for (at, vertex) in around.iter_mut().enumerate() {
+            if vertex[2].is_nan() {
+                let inverse = self.corner_inverse(measured, (column, row), CORNERS[at], own);
+                *vertex = self.vertex(rays[at], inverse);
             }
         }
+        // The measurement itself is kept: without it, edges would be rounded off.
+        let [a, b, c, d] = rays;
+        let middle = [0, 1, 2].map(|axis| 0.25 * (a[axis] + b[axis] + c[axis] + d[axis]));
+        canvas.draw(self.vertex(middle, own), around);
     }
 
-    /// The middle of a pixel, drawn.
-    fn centre(&self, column: usize, row: usize, depth: f32, canvas: &Canvas) -> Option<Vertex> {
-        let [upper, lower] = [row, row + 1].map(|row| row * (self.width + 1) + column);
-        let (a, b) = (self.corners[upper], self.corners[upper + 1]);
-        let (c, d) = (self.corners[lower], self.corners[lower + 1]);
-        let along = |axis: usize| {
-            0.25 * (a[axis] + b[axis] + c[axis] + d[axis]) * depth + self.origin[axis]
-        };
-        canvas.vertex([along(0), along(1), along(2)])
-    }
-
-    /// Depth at a corner of a pixel: that of the pixels around it which lie on the same surface. Inverse
-    /// depth is linear on a plane, so it is averaged.
-    fn corner_depth(
+    /// Inverse depth at a corner of a pixel: the mean of the pixels around it that lie on the same surface.
+    fn corner_inverse(
         &self,
-        depths: &[f32],
+        measured: &[f32],
         (column, row): (usize, usize),
         (right, down): (usize, usize),
         own: f32,
@@ -126,87 +161,116 @@ impl DepthRays {
         // Wraps below 0 to a large number, which is outside.
         let beside = (column + right).wrapping_sub(1 - right);
         let above = (row + down).wrapping_sub(1 - down);
-        let (mut sum, mut count) = (own.recip(), 1.0);
+        let (mut sum, mut count) = (own, 1.0);
         for (column, row) in [(beside, row), (column, above), (beside, above)] {
             if column >= self.width || row >= self.height {
                 continue;
             }
-            let depth = depths[row * self.width + column];
-            if depth > 0.0 && (depth - own).abs() <= self.tear * own.min(depth) {
-                sum += depth.recip();
+            let inverse = measured[row * self.width + column];
+            if inverse > 0.0 && self.are_together(inverse, own) {
+                sum += inverse;
                 count += 1.0;
             }
         }
-        count / sum
+        sum / count
+    }
+
+    /// Whether two measurements lie on one surface.
+    fn are_together(&self, one: f32, other: f32) -> bool {
+        (one - other).abs() <= self.tear * one.min(other)
+    }
+
+    fn vertex(&self, ray: [f32; 3], inverse: f32) -> Vertex {
+        let along = |axis: usize| ray[axis] + inverse * self.origin[axis];
+        let scale = along(2).recip();
+        [along(0) * scale, along(1) * scale, inverse * scale]
     }
 }
 
 /// The picture that is drawn.
 struct Canvas {
-    width: f32,
-    height: f32,
     columns: usize,
-    focal: [f32; 2],
-    principal: [f32; 2],
-    /// `[height * width]`, 1 / depth; 0 where nothing is drawn.
+    rows: usize,
+    /// `[rows * columns]`, inverse depth; 0 where nothing is drawn.
     inverse: Vec<f32>,
 }
 
 impl Canvas {
-    fn new(camera: &Intrinsics, pixels: usize) -> Self {
-        Self {
-            width: camera.width as f32,
-            height: camera.height as f32,
-            columns: camera.width as usize,
-            focal: [camera.fx as f32, camera.fy as f32],
-            principal: [camera.cx as f32, camera.cy as f32],
-            inverse: vec![0.0; pixels],
-        }
+    fn new([columns, rows]: [usize; 2]) -> Self {
+        Self { columns, rows, inverse: vec![0.0; columns * rows] }
     }
 
-    fn vertex(&self, [x, y, z]: [f32; 3]) -> Option<Vertex> {
+    /// Draws the four triangles between a point and those around it. Pixels on an edge belong to both sides.
+    fn draw(&mut self, middle: Vertex, around: [Vertex; 4]) {
         // This form of the condition also refuses NaN.
-        (z > NEAREST).then(|| {
-            let inverse = z.recip();
-            let [column, row] = [x * inverse, y * inverse];
-            [
-                self.focal[0] * column + self.principal[0],
-                self.focal[1] * row + self.principal[1],
-                inverse,
-            ]
-        })
-    }
-
-    /// Draws a triangle of either orientation; pixels on its edges belong to it.
-    fn triangle(&mut self, [a, b, c]: [Vertex; 3]) {
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-        if area == 0.0 {
+        let is_in_front = |vertex: &Vertex| vertex[2] > 0.0 && vertex[2] < NEAREST;
+        if !(is_in_front(&middle) && around.iter().all(is_in_front)) {
             return;
         }
-        let least = |axis: usize| a[axis].min(b[axis]).min(c[axis]).ceil().max(0.0);
-        let most =
-            |axis: usize, side: f32| a[axis].max(b[axis]).max(c[axis]).floor().min(side - 1.0);
-        let (left, right) = (least(0), most(0, self.width));
-        let (top, bottom) = (least(1), most(1, self.height));
-        if left > right || top > bottom {
+        let covered = |axis: usize, side: usize| {
+            let along = around.map(|vertex| vertex[axis]);
+            // `as` rounds down, and below 0 to 0.
+            let first = least(along) as usize;
+            let is_before = (first as f32) < least(along);
+            first + usize::from(is_before)..((most(along) + 1.0) as usize).min(side)
+        };
+        let (columns, rows) = (covered(0, self.columns), covered(1, self.rows));
+        if columns.is_empty() || rows.is_empty() {
             return;
         }
-        // Pixels on an edge are inside in spite of rounding.
-        const SLACK: f32 = -1e-4;
-        let scale = area.recip();
-        for row in top as usize..=bottom as usize {
-            for column in left as usize..=right as usize {
-                let (x, y) = (column as f32, row as f32);
-                let share = |p: &Vertex, q: &Vertex| {
-                    ((q[0] - p[0]) * (y - p[1]) - (x - p[0]) * (q[1] - p[1])) * scale
-                };
-                let (of_a, of_b, of_c) = (share(&b, &c), share(&c, &a), share(&a, &b));
-                if of_a >= SLACK && of_b >= SLACK && of_c >= SLACK {
-                    let inverse = of_a * a[2] + of_b * b[2] + of_c * c[2];
-                    let drawn = &mut self.inverse[row * self.columns + column];
-                    *drawn = drawn.max(inverse);
+        let away = around.map(|vertex| [0, 1, 2].map(|axis| vertex[axis] - middle[axis]));
+        let triangles = [0, 1, 2, 3].map(|at| Triangle::new(away[at], away[(at + 1) % 4]));
+        for row in rows {
+            let y = row as f32 - middle[1];
+            let line = &mut self.inverse[row * self.columns..][..self.columns];
+            for column in columns.clone() {
+                let x = column as f32 - middle[0];
+                for beyond in triangles.iter().filter_map(|triangle| triangle.at(x, y)) {
+                    line[column] = line[column].max(middle[2] + beyond);
                 }
             }
         }
     }
+}
+
+/// A triangle with one corner at the origin.
+struct Triangle {
+    one: Vertex,
+    next: Vertex,
+    /// Twice its area, pixels squared.
+    area: f32,
+}
+
+impl Triangle {
+    fn new(one: Vertex, next: Vertex) -> Self {
+        let area = one[0] * next[1] - next[0] * one[1];
+        // Both orientations are drawn.
+        if area < 0.0 {
+            Self { one: next, next: one, area: -area }
+        } else {
+            Self { one, next, area }
+        }
+    }
+
+    /// The third coordinate at a place; `None` outside.
+    fn at(&self, x: f32, y: f32) -> Option<f32> {
+        // Pixels on an edge are inside in spite of rounding.
+        const SLACK: f32 = 1e-4;
+        let slack = SLACK * self.area;
+        let of_next = self.one[0] * y - x * self.one[1];
+        let of_one = x * self.next[1] - self.next[0] * y;
+        let is_inside = self.area > 0.0
+            && of_next >= -slack
+            && of_one >= -slack
+            && of_next + of_one <= self.area + slack;
+        is_inside.then(|| (of_one * self.one[2] + of_next * self.next[2]) / self.area)
+    }
+}
+
+fn least([a, b, c, d]: [f32; 4]) -> f32 {
+    a.min(b).min(c.min(d))
+}
+
+fn most([a, b, c, d]: [f32; 4]) -> f32 {
+    a.max(b).max(c.max(d))
 }

@@ -11,6 +11,7 @@ mod rectification;
 
 pub use camera::{Camera, Cameras, DepthCamera};
 pub use lens::Distortion;
+pub use rectification::{LensError, pinhole};
 
 use super::frame::{Frame, Intrinsics, Labels};
 use depth::DepthRays;
@@ -45,13 +46,11 @@ struct Prepared {
 }
 
 impl Registration {
-    /// `None` if a lens does not see along its axis: its distortion must be wrong.
-    pub fn new(cameras: Cameras) -> Option<Self> {
-        if let Some(DepthCamera::Own { camera, .. }) = &cameras.depth {
-            rectification::pinhole(camera)?;
-        }
+    /// # Errors
+    /// [`LensError`] if color's lens cannot be straightened.
+    pub fn new(cameras: Cameras) -> Result<Self, LensError> {
         let camera = pinhole(&cameras.color)?;
-        Some(Self { cameras, camera, newest: Mutex::new(None) })
+        Ok(Self { cameras, camera, newest: Mutex::new(None) })
     }
 
     /// The cameras of the frames as they are sent.
@@ -65,19 +64,22 @@ impl Registration {
     }
 
     /// A frame of a pinhole camera. This takes milliseconds.
-    pub fn register(&self, raw: RawFrame) -> Frame {
+    ///
+    /// # Errors
+    /// [`LensError`] if the frame has intrinsics of its own with which the lens cannot be straightened.
+    pub fn register(&self, raw: RawFrame) -> Result<Frame, LensError> {
         let frame = raw.0;
         if self.cameras.depth.is_none() && self.cameras.color.distortion.is_none() {
-            return frame;
+            return Ok(frame);
         }
-        let prepared = self.prepared(frame.intrinsics);
+        let prepared = self.prepared(frame.intrinsics)?;
         let Prepared { camera, color, depth, .. } = &*prepared;
         let rgb = match color {
             Some(color) => color.color(&frame.rgb).into(),
             None => frame.rgb,
         };
         let depth_metres = match depth {
-            Some(rays) => rays.registered(&frame.depth_metres, camera).into(),
+            Some(rays) => rays.registered(&frame.depth_metres).into(),
             None => frame.depth_metres,
         };
         let labels = match (color, frame.labels) {
@@ -86,31 +88,30 @@ impl Registration {
             }
             (_, labels) => labels,
         };
-        Frame { intrinsics: *camera, rgb, depth_metres, labels, ..frame }
+        Ok(Frame { intrinsics: *camera, rgb, depth_metres, labels, ..frame })
     }
 
-    fn prepared(&self, own: Intrinsics) -> Arc<Prepared> {
+    fn prepared(&self, own: Intrinsics) -> Result<Arc<Prepared>, LensError> {
         let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
         match &*newest {
-            Some(prepared) if prepared.own == own => prepared.clone(),
-            _ => newest.insert(Arc::new(self.prepare(own))).clone(),
+            Some(prepared) if prepared.own == own => Ok(prepared.clone()),
+            _ => Ok(newest.insert(Arc::new(self.prepare(own)?)).clone()),
         }
     }
 
-    fn prepare(&self, own: Intrinsics) -> Prepared {
+    fn prepare(&self, own: Intrinsics) -> Result<Prepared, LensError> {
         let color = Camera { intrinsics: own, ..self.cameras.color };
-        // A frame whose own intrinsics fit the lens badly is seen as the usual ones say.
-        let camera = pinhole(&color).unwrap_or(self.camera);
+        let camera = pinhole(&color)?;
         let is_distorted = !color.distortion.is_none();
-        Prepared {
+        Ok(Prepared {
             own,
             camera,
             color: is_distorted.then(|| Rectification::new(&color, &camera)),
             depth: self
                 .cameras
                 .depth_camera(&own)
-                .map(|(depth, pose)| DepthRays::new(&depth, &pose)),
-        }
+                .map(|(depth, pose)| DepthRays::new(&depth, &pose, &camera)),
+        })
     }
 }
 
@@ -119,8 +120,8 @@ impl Registration {
 /// time of color.
 pub(super) fn at_one_time(frame: Frame, color_from_depth: &Isometry3<f64>) -> Frame {
     let camera = Camera { intrinsics: frame.intrinsics, distortion: Distortion::None };
-    let rays = DepthRays::new(&camera, color_from_depth);
-    let depth_metres = rays.registered(&frame.depth_metres, &frame.intrinsics).into();
+    let rays = DepthRays::new(&camera, color_from_depth, &frame.intrinsics);
+    let depth_metres = rays.registered(&frame.depth_metres).into();
     Frame { depth_metres, depth_lag_nanos: 0, ..frame }
 }
 
@@ -128,12 +129,4 @@ impl fmt::Debug for Registration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Registration").field(&self.cameras).finish()
     }
-}
-
-/// The camera itself if its lens is straight.
-fn pinhole(camera: &Camera) -> Option<Intrinsics> {
-    if camera.distortion.is_none() {
-        return Some(camera.intrinsics);
-    }
-    rectification::pinhole(camera)
 }

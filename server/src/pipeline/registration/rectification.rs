@@ -7,17 +7,44 @@ use rayon::prelude::*;
 /// Half the field of view of a rectified picture along an axis at most, as the tangent: 60 degrees. Towards
 /// the edge of a wider one a few pixels of the fisheye would fill half of the picture.
 const WIDEST: f64 = 1.732;
+/// Most by which straightening may enlarge a picture.
+const MOST_STRETCHED: f64 = 4.0;
 /// Halvings when an edge is searched.
 const HALVINGS: usize = 40;
 /// Points of each edge of the picture that are tried.
 const EDGE_POINTS: u32 = 64;
+/// Columns and rows by which cubic interpolation reaches beyond a picture.
+const PADDING: usize = 3;
 
-/// The pinhole camera of the same size with the widest field of view in which the lens saw every pixel.
-/// `None` if the lens does not see along its axis: then the numbers are wrong.
-pub(super) fn pinhole(camera: &Camera) -> Option<Intrinsics> {
+/// A lens that cannot be straightened: its numbers must be wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum LensError {
+    /// It does not see along its axis.
+    #[error(
+        "expected a lens that sees along its axis: are the principal point and the coefficients right, and in \
+         OpenCV's order (k1 k2 p1 p2 k3 k4 k5 k6)?"
+    )]
+    Blind,
+    /// So little of its field is straight that a picture of it would be enlarged this many times.
+    #[error(
+        "expected a lens whose straightened picture is at most {MOST_STRETCHED} times as large, found {0:.1}: are \
+         the coefficients right, and of this model?"
+    )]
+    Stretched(f64),
+}
+
+/// The pinhole camera of the same size with the widest field of view in which the lens saw every pixel: the
+/// camera itself if its lens is straight.
+///
+/// # Errors
+/// [`LensError`] if the numbers of the lens must be wrong.
+pub fn pinhole(camera: &Camera) -> Result<Intrinsics, LensError> {
+    if camera.distortion.is_none() {
+        return Ok(camera.intrinsics);
+    }
     let optics = Optics::new(camera);
     if !optics.sees([0.0, 0.0]) {
-        return None;
+        return Err(LensError::Blind);
     }
     let edge =
         |direction: [f64; 2]| widest(WIDEST, |far| optics.sees(direction.map(|along| along * far)));
@@ -38,7 +65,11 @@ pub(super) fn pinhole(camera: &Camera) -> Option<Intrinsics> {
         f64::from(side.max(2) - 1) / (scale * (from + to)).max(1e-9)
     };
     let (fx, fy) = (focal(width, left, right), focal(height, top, bottom));
-    Some(Intrinsics { width, height, fx, fy, cx: scale * left * fx, cy: scale * top * fy })
+    let stretch = (fx / camera.intrinsics.fx).max(fy / camera.intrinsics.fy);
+    if stretch.is_nan() || stretch > MOST_STRETCHED {
+        return Err(LensError::Stretched(stretch));
+    }
+    Ok(Intrinsics { width, height, fx, fy, cx: scale * left * fx, cy: scale * top * fy })
 }
 
 /// The largest number up to `most` for which `holds`; it must hold for all smaller ones.
@@ -93,32 +124,49 @@ impl Rectification {
     /// The picture of the pinhole camera, `[height * width * 3]`, by cubic interpolation: bilinear
     /// interpolation takes away a third of the gradients.
     pub fn color(&self, rgb: &[u8]) -> Vec<u8> {
-        let (width, height) = (self.width, self.height);
+        let padded = self.padded(rgb);
         let mut rectified = vec![0; rgb.len()];
-        let rows = rectified.par_chunks_mut(3 * width).zip(self.places.par_chunks(width));
+        let rows = rectified.par_chunks_mut(3 * self.width).zip(self.places.par_chunks(self.width));
         rows.for_each(|(pixels, places)| {
             for (pixel, [column, row]) in pixels.chunks_exact_mut(3).zip(places) {
                 let (left, top) = (*column as usize, *row as usize);
                 let (across, down) = (cubic(column - left as f32), cubic(row - top as f32));
-                // The outermost pixels go on outside.
-                let columns = [0, 1, 2, 3].map(|tap| (left + tap).saturating_sub(1).min(width - 1));
-                let mut sum = [0.0; 3];
-                for (tap, weight) in down.into_iter().enumerate() {
-                    let row = &rgb[3 * width * (top + tap).saturating_sub(1).min(height - 1)..];
-                    for (column, share) in columns.into_iter().zip(across) {
-                        let weight = weight * share;
-                        for (sum, value) in sum.iter_mut().zip(&row[3 * column..]) {
-                            *sum += weight * f32::from(*value);
-                        }
+                // For rounding.
+                let mut sum = [0.5; 4];
+                for (tap, share) in down.into_iter().enumerate() {
+                    let line = &padded[(top + tap) * (self.width + PADDING) + left..];
+                    let Some([a, b, c, d]) = line.first_chunk() else { continue };
+                    for channel in 0..4 {
+                        sum[channel] += share
+                            * (across[0] * a[channel]
+                                + across[1] * b[channel]
+                                + across[2] * c[channel]
+                                + across[3] * d[channel]);
                     }
                 }
-                for (value, sum) in pixel.iter_mut().zip(sum) {
-                    // Overshoots end at 0 and 255.
-                    *value = (sum + 0.5) as u8;
-                }
+                // Overshoots end at 0 and 255.
+                pixel.copy_from_slice(&[sum[0] as u8, sum[1] as u8, sum[2] as u8]);
             }
         });
         rectified
+    }
+
+    /// The picture with its outermost pixels repeated, once before and twice behind, so that each place has
+    /// all its neighbours: `[(height + 3) * (width + 3)]`, red, green, blue and 0. Four numbers are computed
+    /// as fast as one.
+    fn padded(&self, rgb: &[u8]) -> Vec<[f32; 4]> {
+        let (width, height) = (self.width, self.height);
+        let mut padded = vec![[0.0; 4]; (width + PADDING) * (height + PADDING)];
+        padded.par_chunks_mut(width + PADDING).enumerate().for_each(|(row, pixels)| {
+            let line = &rgb[3 * width * row.saturating_sub(1).min(height - 1)..][..3 * width];
+            for (pixel, values) in pixels[1..].iter_mut().zip(line.chunks_exact(3)) {
+                *pixel = [values[0].into(), values[1].into(), values[2].into(), 0.0];
+            }
+            pixels[0] = pixels[1];
+            let last = pixels[width];
+            pixels[width + 1..].fill(last);
+        });
+        padded
     }
 
     /// The labels of the pinhole camera's pixels, `[height * width]`: the nearest.

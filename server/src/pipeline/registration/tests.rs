@@ -174,7 +174,7 @@ fn depth_of_two_cameras_is_registered() {
         };
         let registration = Registration::new(cameras).unwrap();
         let seen = depth_of(&depth_camera(depth), &beside());
-        let frame = registration.register(raw(&cameras, seen));
+        let frame = registration.register(raw(&cameras, seen)).unwrap();
         let score = scored(&cameras, &frame);
         println!("{color:?} {depth:?}: {:.4} {:.4}", score.covered, score.right);
         assert!(score.right >= 0.99, "{color:?} and {depth:?}: {:.4} are right", score.right);
@@ -195,7 +195,7 @@ fn a_wrong_place_or_a_wrong_lens_scores_worse() {
         own(depth_camera(RATIONAL), Isometry3::identity()),
         own(depth_camera(Distortion::None), beside()),
     ] {
-        let frame = Registration::new(wrong).unwrap().register(raw(&wrong, seen.clone()));
+        let frame = Registration::new(wrong).unwrap().register(raw(&wrong, seen.clone())).unwrap();
         let right = scored(&truth, &frame).right;
         assert!(right < 0.985, "{wrong:?}: {right:.4}");
     }
@@ -207,7 +207,7 @@ fn nothing_is_done_to_frames_that_are_registered() {
     let registration = Registration::new(cameras).unwrap();
     assert_eq!(registration.camera(), cameras.color.intrinsics);
     let depth: Vec<f32> = (0..320 * 240).map(|at| at as f32 * 0.001).collect();
-    let frame = registration.register(raw(&cameras, depth.clone()));
+    let frame = registration.register(raw(&cameras, depth.clone())).unwrap();
     assert_eq!(frame.depth_metres[..], depth[..]);
 }
 
@@ -234,7 +234,7 @@ fn a_phone_s_small_depth_is_enlarged() {
     // Control: the nearest pixel, which makes stairs of slanted surfaces.
     let nearest = (0..320 * 240).map(|pixel| seen[pixel / 320 / 4 * 80 + pixel % 320 / 4]);
     let nearest = right(&mut nearest.into_iter());
-    let frame = registration.register(raw(&cameras, seen.clone()));
+    let frame = registration.register(raw(&cameras, seen.clone())).unwrap();
     let found = right(&mut frame.depth_metres.iter().copied());
     // What is left are edges, which are half a pixel of depth, two of color, from where they are.
     assert!(found > 0.94 && nearest < found - 0.05, "{found}, nearest {nearest}");
@@ -252,7 +252,7 @@ fn what_is_hidden_from_the_color_camera_stays_hidden() {
     };
     let registration = Registration::new(cameras).unwrap();
     let seen = depth_of(&depth_camera(Distortion::None), &beside());
-    let frame = registration.register(raw(&cameras, seen));
+    let frame = registration.register(raw(&cameras, seen)).unwrap();
     let truth = depth_of(&cameras.color, &Isometry3::identity());
     let is_column = |depth: f32| (1.35..1.6).contains(&depth);
     let through = truth
@@ -286,7 +286,7 @@ fn a_rectified_picture_is_straight_and_has_no_pixel_made_up() {
             ids: (0..width * height).map(|pixel| u16::from(pixel % width > 161)).collect(),
             texts: Arc::new(["right".to_owned()]),
         });
-        let frame = registration.register(RawFrame(frame));
+        let frame = registration.register(RawFrame(frame)).unwrap();
         let Intrinsics { fx, fy, cx, cy, .. } = frame.intrinsics;
         for (pixel, color) in (0..).zip(frame.rgb.chunks_exact(3)) {
             let ray = [(f64::from(pixel % width) - cx) / fx, (f64::from(pixel / width) - cy) / fy];
@@ -308,13 +308,13 @@ fn a_frame_s_own_intrinsics_count() {
     let cameras = Cameras { color: color_camera(BROWN), depth: None };
     let registration = Registration::new(cameras).unwrap();
     let blank = || raw(&cameras, vec![1.0; 320 * 240]);
-    let usual = registration.register(blank()).intrinsics;
+    let usual = registration.register(blank()).unwrap().intrinsics;
     let RawFrame(mut nearer) = blank();
     nearer.intrinsics.fx *= 1.1;
     nearer.intrinsics.fy *= 1.1;
-    let own = registration.register(RawFrame(nearer)).intrinsics;
+    let own = registration.register(RawFrame(nearer)).unwrap().intrinsics;
     assert!(own.fx > 1.05 * usual.fx, "{own:?} and {usual:?}");
-    assert_eq!(registration.register(blank()).intrinsics, usual);
+    assert_eq!(registration.register(blank()).unwrap().intrinsics, usual);
 }
 
 #[test]
@@ -340,5 +340,16 @@ fn depth_of_another_time_follows_the_camera() {
 fn a_lens_that_sees_nothing_is_refused() {
     let mut blind = color_camera(BROWN);
     blind.intrinsics.cx = -300.0;
-    assert!(Registration::new(Cameras { color: blind, depth: None }).is_none());
+    let refused = Registration::new(Cameras { color: blind, depth: None });
+    assert!(matches!(refused, Err(LensError::Blind)));
+}
+
+#[test]
+fn a_frame_whose_own_intrinsics_do_not_fit_the_lens_is_refused() {
+    let cameras = Cameras { color: color_camera(BROWN), depth: None };
+    let registration = Registration::new(cameras).unwrap();
+    let RawFrame(mut aside) = raw(&cameras, vec![1.0; 320 * 240]);
+    aside.intrinsics.cx = -300.0;
+    assert!(matches!(registration.register(RawFrame(aside)), Err(LensError::Blind)));
+    assert!(registration.register(raw(&cameras, vec![1.0; 320 * 240])).is_ok());
 }
