@@ -10,6 +10,7 @@
 
 use super::camera::{Camera, Optics};
 use crate::pipeline::frame::Intrinsics;
+use glam::{Mat4, Vec4, Vec4Swizzles};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -21,24 +22,19 @@ const NEAREST: f32 = 100.0;
 /// The corners of a pixel, clockwise from the upper left: (right, down).
 const CORNERS: [(usize, usize); 4] = [(0, 0), (1, 0), (1, 1), (0, 1)];
 
-/// A point in the other picture: column, row, and inverse depth there.
-type Vertex = [f32; 3];
-/// A point that is not drawn.
-const NOWHERE: Vertex = [f32::NAN; 3];
-
 /// The pixels of a depth camera, ready to be drawn into another camera's picture.
 ///
-/// A ray is a point of the other picture in homogeneous coordinates. What the depth camera measured along
-/// it with inverse depth i is at `ray + i * origin`.
+/// Points are (column, row, 1, inverse depth) of the other picture, homogeneous. A point that the depth
+/// camera measured along a ray with inverse depth i is `ray + i * origin`.
 pub(super) struct DepthRays {
     width: usize,
     height: usize,
     /// Columns and rows of the other picture.
     drawn: [usize; 2],
     /// `[(height + 1) * (width + 1)]`: the rays through the corners of pixels. NaN where the lens has none.
-    corners: Vec<[f32; 3]>,
+    corners: Vec<Vec4>,
     /// The depth camera itself.
-    origin: [f32; 3],
+    origin: Vec4,
     /// Neighbours whose depths differ by a larger share lie on different surfaces.
     tear: f32,
 }
@@ -49,22 +45,23 @@ impl DepthRays {
         let Intrinsics { width, height, fx, fy, .. } = camera.intrinsics;
         let (width, height) = (width as usize, height as usize);
         let optics = Optics::new(camera);
-        let projected = |to: Vector3<f64>| {
-            [other.fx * to.x + other.cx * to.z, other.fy * to.y + other.cy * to.z, to.z]
-                .map(|along| along as f32)
+        let point = |to: Vector3<f64>, inverse: f32| {
+            let [column, row] =
+                [other.fx * to.x + other.cx * to.z, other.fy * to.y + other.cy * to.z];
+            Vec4::new(column as f32, row as f32, to.z as f32, inverse)
         };
         let corner = |index: usize| {
             let (column, row) = (index % (width + 1), index / (width + 1));
             let ray = optics.ray([column as f64 - 0.5, row as f64 - 0.5]);
             let turned = ray.map(|[x, y]| other_from_depth.rotation * Vector3::new(x, y, 1.0));
-            turned.map_or(NOWHERE, projected)
+            turned.map_or(Vec4::NAN, |to| point(to, 0.0))
         };
         Self {
             width,
             height,
             drawn: [other.width as usize, other.height as usize],
             corners: (0..(width + 1) * (height + 1)).into_par_iter().map(corner).collect(),
-            origin: projected(other_from_depth.translation.vector),
+            origin: point(other_from_depth.translation.vector, 1.0),
             tear: (STEEPEST / fx.min(fy)) as f32,
         }
     }
@@ -93,11 +90,11 @@ impl DepthRays {
         let mut upper = self.joints(measured, rows.start);
         for row in rows {
             let lower = self.joints(measured, row + 1);
-            for column in 0..self.width {
-                if measured[row * self.width + column] > 0.0 {
-                    let joints =
-                        [upper[column], upper[column + 1], lower[column + 1], lower[column]];
-                    self.draw_pixel(measured, [column, row], joints, &mut canvas);
+            let inverses = &measured[row * self.width..][..self.width];
+            let pairs = upper.windows(2).zip(lower.windows(2));
+            for ((column, own), (above, below)) in inverses.iter().enumerate().zip(pairs) {
+                if let (true, &[a, b], &[d, c]) = (*own > 0.0, above, below) {
+                    self.draw_pixel(measured, (column, row), [a, b, c, d], &mut canvas);
                 }
             }
             upper = lower;
@@ -106,19 +103,19 @@ impl DepthRays {
     }
 
     /// The upper corners of a row's pixels, where the four pixels around them lie on one surface and share
-    /// them; [`NOWHERE`] where they do not.
-    fn joints(&self, measured: &[f32], row: usize) -> Vec<Vertex> {
+    /// them; NaN where they do not.
+    fn joints(&self, measured: &[f32], row: usize) -> Vec<Vec4> {
         let line = |row: usize| &measured[row * self.width..][..self.width];
         // Pixels outside are like their neighbours inside.
         let (above, below) = (line(row.saturating_sub(1)), line(row.min(self.height - 1)));
-        let joint = |(column, corner): (usize, &[f32; 3])| {
+        let joint = |(column, ray): (usize, &Vec4)| {
             let (left, right) = (column.saturating_sub(1), column.min(self.width - 1));
-            let around = [above[left], above[right], below[left], below[right]];
-            let (least, most) = (least(around), most(around));
+            let around = Vec4::new(above[left], above[right], below[left], below[right]);
+            let (least, most) = (around.min_element(), around.max_element());
             if least > 0.0 && self.are_together(least, most) {
-                self.vertex(*corner, 0.25 * around.iter().sum::<f32>())
+                self.point(*ray, 0.25 * around.element_sum())
             } else {
-                NOWHERE
+                Vec4::NAN
             }
         };
         self.corners[row * (self.width + 1)..][..=self.width]
@@ -128,26 +125,30 @@ impl DepthRays {
             .collect()
     }
 
+    #[inline]
     fn draw_pixel(
         &self,
         measured: &[f32],
-        [column, row]: [usize; 2],
-        mut around: [Vertex; 4],
+        (column, row): (usize, usize),
+        joints: [Vec4; 4],
         canvas: &mut Canvas,
     ) {
         let own = measured[row * self.width + column];
         let rays = CORNERS
             .map(|(right, down)| self.corners[(row + down) * (self.width + 1) + column + right]);
-        for (at, vertex) in around.iter_mut().enumerate() {
-            if vertex[2].is_nan() {
-                let inverse = self.corner_inverse(measured, (column, row), CORNERS[at], own);
-                *vertex = self.vertex(rays[at], inverse);
+        let [a, b, c, d] = rays;
+        let mut around = joints;
+        if (joints[0] + joints[1] + joints[2] + joints[3]).is_nan() {
+            for at in 0..4 {
+                if joints[at].is_nan() {
+                    let inverse = self.corner_inverse(measured, (column, row), CORNERS[at], own);
+                    around[at] = self.point(rays[at], inverse);
+                }
             }
         }
         // The measurement itself is kept: without it, edges would be rounded off.
-        let [a, b, c, d] = rays;
-        let middle = [0, 1, 2].map(|axis| 0.25 * (a[axis] + b[axis] + c[axis] + d[axis]));
-        canvas.draw(self.vertex(middle, own), around);
+        let middle = self.point(0.25 * (a + b + c + d), own);
+        canvas.draw(middle, around);
     }
 
     /// Inverse depth at a corner of a pixel: the mean of the pixels around it that lie on the same surface.
@@ -176,14 +177,16 @@ impl DepthRays {
     }
 
     /// Whether two measurements lie on one surface.
+    #[inline]
     fn are_together(&self, one: f32, other: f32) -> bool {
         (one - other).abs() <= self.tear * one.min(other)
     }
 
-    fn vertex(&self, ray: [f32; 3], inverse: f32) -> Vertex {
-        let along = |axis: usize| ray[axis] + inverse * self.origin[axis];
-        let scale = along(2).recip();
-        [along(0) * scale, along(1) * scale, inverse * scale]
+    /// What was measured along a ray.
+    #[inline]
+    fn point(&self, ray: Vec4, inverse: f32) -> Vec4 {
+        let point = ray + inverse * self.origin;
+        point / point.z
     }
 }
 
@@ -201,76 +204,74 @@ impl Canvas {
     }
 
     /// Draws the four triangles between a point and those around it. Pixels on an edge belong to both sides.
-    fn draw(&mut self, middle: Vertex, around: [Vertex; 4]) {
-        // This form of the condition also refuses NaN.
-        let is_in_front = |vertex: &Vertex| vertex[2] > 0.0 && vertex[2] < NEAREST;
-        if !(is_in_front(&middle) && around.iter().all(is_in_front)) {
+    #[inline]
+    fn draw(&mut self, middle: Vec4, around: [Vec4; 4]) {
+        let [a, b, c, d] = around;
+        let around = Mat4::from_cols(a, b, c, d).transpose();
+        let is_in_front =
+            around.w_axis.cmpgt(Vec4::ZERO) & around.w_axis.cmplt(Vec4::splat(NEAREST));
+        if !(is_in_front.all() && middle.w > 0.0 && middle.w < NEAREST) {
             return;
         }
-        let covered = |axis: usize, side: usize| {
-            let along = around.map(|vertex| vertex[axis]);
-            // `as` rounds down, and below 0 to 0.
-            let first = least(along) as usize;
-            let is_before = (first as f32) < least(along);
-            first + usize::from(is_before)..((most(along) + 1.0) as usize).min(side)
-        };
-        let (columns, rows) = (covered(0, self.columns), covered(1, self.rows));
+        let (columns, rows) =
+            (covered(around.x_axis, self.columns), covered(around.y_axis, self.rows));
         if columns.is_empty() || rows.is_empty() {
             return;
         }
-        let away = around.map(|vertex| [0, 1, 2].map(|axis| vertex[axis] - middle[axis]));
-        let triangles = [0, 1, 2, 3].map(|at| Triangle::new(away[at], away[(at + 1) % 4]));
+        let fan = Fan::new(&around, middle);
         for row in rows {
-            let y = row as f32 - middle[1];
             let line = &mut self.inverse[row * self.columns..][..self.columns];
             for column in columns.clone() {
-                let x = column as f32 - middle[0];
-                for beyond in triangles.iter().filter_map(|triangle| triangle.at(x, y)) {
-                    line[column] = line[column].max(middle[2] + beyond);
+                let found = fan.at(column as f32, row as f32);
+                if found > line[column] {
+                    line[column] = found;
                 }
             }
         }
     }
 }
 
-/// A triangle with one corner at the origin.
-struct Triangle {
-    one: Vertex,
-    next: Vertex,
-    /// Twice its area, pixels squared.
-    area: f32,
+/// The pixels of a side of the picture between the first and the last of four places.
+#[inline]
+fn covered(places: Vec4, side: usize) -> Range<usize> {
+    // `as` rounds down, and what is below 0 to 0.
+    let (least, end) = (places.min_element(), (places.max_element() + 1.0) as usize);
+    let first = least as usize;
+    first + usize::from((first as f32) < least)..end.min(side)
 }
 
-impl Triangle {
-    fn new(one: Vertex, next: Vertex) -> Self {
-        let area = one[0] * next[1] - next[0] * one[1];
-        // Both orientations are drawn.
-        if area < 0.0 {
-            Self { one: next, next: one, area: -area }
-        } else {
-            Self { one, next, area }
-        }
+/// The four triangles between a point and those around it.
+struct Fan {
+    middle: Vec4,
+    /// Columns, rows and inverse depths of the triangles' first corners, seen from the middle.
+    first: [Vec4; 3],
+    /// Those of their second corners.
+    second: [Vec4; 3],
+    /// 1 / twice their areas; negative where the orientation is.
+    scale: Vec4,
+}
+
+impl Fan {
+    /// `around`: the columns, rows and inverse depths of the points are its axes x, y and w.
+    #[inline]
+    fn new(around: &Mat4, middle: Vec4) -> Self {
+        let first = [around.x_axis - middle.x, around.y_axis - middle.y, around.w_axis - middle.w];
+        let second = first.map(|along| along.yzwx());
+        let scale = (first[0] * second[1] - second[0] * first[1]).recip();
+        Self { middle, first, second, scale }
     }
 
-    /// The third coordinate at a place; `None` outside.
-    fn at(&self, x: f32, y: f32) -> Option<f32> {
+    /// The largest inverse depth of the triangles at a pixel; minus infinity outside of all.
+    #[inline]
+    fn at(&self, column: f32, row: f32) -> f32 {
         // Pixels on an edge are inside in spite of rounding.
         const SLACK: f32 = 1e-4;
-        let slack = SLACK * self.area;
-        let of_next = self.one[0] * y - x * self.one[1];
-        let of_one = x * self.next[1] - self.next[0] * y;
-        let is_inside = self.area > 0.0
-            && of_next >= -slack
-            && of_one >= -slack
-            && of_next + of_one <= self.area + slack;
-        is_inside.then(|| (of_one * self.one[2] + of_next * self.next[2]) / self.area)
+        let (x, y) = (column - self.middle.x, row - self.middle.y);
+        let of_second = (self.first[0] * y - self.first[1] * x) * self.scale;
+        let of_first = (self.second[1] * x - self.second[0] * y) * self.scale;
+        let is_inside = of_first.min(of_second).cmpge(Vec4::splat(-SLACK))
+            & (of_first + of_second).cmple(Vec4::splat(1.0 + SLACK));
+        let beyond = of_first * self.first[2] + of_second * self.second[2];
+        self.middle.w + Vec4::select(is_inside, beyond, Vec4::NEG_INFINITY).max_element()
     }
-}
-
-fn least([a, b, c, d]: [f32; 4]) -> f32 {
-    a.min(b).min(c.min(d))
-}
-
-fn most([a, b, c, d]: [f32; 4]) -> f32 {
-    a.max(b).max(c.max(d))
 }

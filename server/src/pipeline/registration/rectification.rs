@@ -2,6 +2,7 @@
 
 use super::camera::{Camera, Optics};
 use crate::pipeline::frame::Intrinsics;
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Half the field of view of a rectified picture along an axis at most, as the tangent: 60 degrees. Towards
@@ -132,17 +133,11 @@ impl Rectification {
                 let (left, top) = (*column as usize, *row as usize);
                 let (across, down) = (cubic(column - left as f32), cubic(row - top as f32));
                 // For rounding.
-                let mut sum = [0.5; 4];
+                let mut sum = Vec4::splat(0.5);
                 for (tap, share) in down.into_iter().enumerate() {
                     let line = &padded[(top + tap) * (self.width + PADDING) + left..];
                     let Some([a, b, c, d]) = line.first_chunk() else { continue };
-                    for channel in 0..4 {
-                        sum[channel] += share
-                            * (across[0] * a[channel]
-                                + across[1] * b[channel]
-                                + across[2] * c[channel]
-                                + across[3] * d[channel]);
-                    }
+                    sum += share * (across[0] * a + across[1] * b + across[2] * c + across[3] * d);
                 }
                 // Overshoots end at 0 and 255.
                 pixel.copy_from_slice(&[sum[0] as u8, sum[1] as u8, sum[2] as u8]);
@@ -154,13 +149,13 @@ impl Rectification {
     /// The picture with its outermost pixels repeated, once before and twice behind, so that each place has
     /// all its neighbours: `[(height + 3) * (width + 3)]`, red, green, blue and 0. Four numbers are computed
     /// as fast as one.
-    fn padded(&self, rgb: &[u8]) -> Vec<[f32; 4]> {
+    fn padded(&self, rgb: &[u8]) -> Vec<Vec4> {
         let (width, height) = (self.width, self.height);
-        let mut padded = vec![[0.0; 4]; (width + PADDING) * (height + PADDING)];
+        let mut padded = vec![Vec4::ZERO; (width + PADDING) * (height + PADDING)];
         padded.par_chunks_mut(width + PADDING).enumerate().for_each(|(row, pixels)| {
             let line = &rgb[3 * width * row.saturating_sub(1).min(height - 1)..][..3 * width];
             for (pixel, values) in pixels[1..].iter_mut().zip(line.chunks_exact(3)) {
-                *pixel = [values[0].into(), values[1].into(), values[2].into(), 0.0];
+                *pixel = Vec4::new(values[0].into(), values[1].into(), values[2].into(), 0.0);
             }
             pixels[0] = pixels[1];
             let last = pixels[width];
