@@ -10,7 +10,7 @@ use super::limits::Limits;
 use super::opening::Opening;
 use super::refusal::Refusal;
 use crate::pipeline::frame::{Frame, FrameUp, PoseHint};
-use crate::pipeline::registration::RawFrame;
+use crate::pipeline::registration::{self, RawFrame};
 use lexsplat_proto::v1;
 use nalgebra::{Isometry3, Matrix6};
 use std::sync::Arc;
@@ -77,9 +77,7 @@ pub(crate) fn frame(
 /// of its depth: then the cameras' places are wrong.
 pub(crate) fn registered(raw: RawFrame, opening: &Opening) -> Result<Frame, Refusal> {
     let sent = raw.0.depth_metres.clone();
-    let frame = opening
-        .registration
-        .register(raw)
+    let frame = registration::registered(raw, &opening.registration)
         .map_err(|error| Refusal::new("intrinsics", error.to_string()))?;
     let is_moved = !Arc::ptr_eq(&sent, &frame.depth_metres);
     let share = |depths: &[f32]| {

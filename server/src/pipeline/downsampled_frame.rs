@@ -3,7 +3,7 @@
 //! In: a checked [`Frame`] and a number of columns. Out: a [`DownsampledFrame`], smaller by a whole
 //! factor. Color is the mean of each block of pixels. Depth is the mean of the block's nearest surface.
 
-use super::frame::Frame;
+use super::frame::{Frame, rasteriser_camera};
 use super::saving::{CameraFields, packed};
 use lexsplat_gpu::Camera;
 use nalgebra::{Isometry3, Point3};
@@ -35,7 +35,7 @@ impl DownsampledFrame {
     /// Reduces a frame to at most `max_columns` columns. Rows and columns at the border that do not fill
     /// a whole block are left out.
     pub fn new(frame: &Frame, world_from_camera: &Isometry3<f64>, max_columns: u32) -> Self {
-        let full = frame.intrinsics.camera(world_from_camera);
+        let full = rasteriser_camera(&frame.intrinsics, world_from_camera);
         let factor = factor(frame, max_columns);
         if factor == 1 {
             return Self {
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn shrinking_keeps_points_where_they_are() {
-        let full = frame(8, 4).intrinsics.camera(&Isometry3::identity());
+        let full = rasteriser_camera(&frame(8, 4).intrinsics, &Isometry3::identity());
         let small = DownsampledFrame::new(&frame(8, 4), &Isometry3::identity(), 4).camera;
         // The middle of the four top-left pixels is the middle of the small image's first pixel.
         let seen = full.unproject(0.5, 0.5, 2.0);

@@ -7,53 +7,24 @@ use super::exposure;
 use super::input_warning::InputWarning;
 use super::pose_covariance::carried;
 use super::saving::{packed, texts};
+pub use lexsplat_registration::Intrinsics;
 use nalgebra::{Isometry3, Matrix6, UnitVector3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Pinhole intrinsics in pixels; the centre of the top-left pixel is (0, 0).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Intrinsics {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Focal length in x, pixels, > 0.
-    pub fx: f64,
-    /// Focal length in y, pixels, > 0.
-    pub fy: f64,
-    /// Principal point, column.
-    pub cx: f64,
-    /// Principal point, row.
-    pub cy: f64,
-}
-
-impl Intrinsics {
-    /// The same lens in a picture of another size: pixel edges stay edges.
-    pub(super) fn scaled(&self, width: u32, height: u32) -> Self {
-        let x = f64::from(width) / f64::from(self.width);
-        let y = f64::from(height) / f64::from(self.height);
-        Self {
-            width,
-            height,
-            fx: self.fx * x,
-            fy: self.fy * y,
-            cx: (self.cx + 0.5) * x - 0.5,
-            cy: (self.cy + 0.5) * y - 0.5,
-        }
-    }
-
-    /// The rasteriser's camera at `world_from_camera`.
-    pub fn camera(&self, world_from_camera: &Isometry3<f64>) -> lexsplat_gpu::Camera {
-        lexsplat_gpu::Camera {
-            width: self.width,
-            height: self.height,
-            fx: self.fx as f32,
-            fy: self.fy as f32,
-            cx: self.cx as f32,
-            cy: self.cy as f32,
-            camera_from_world: world_from_camera.inverse().cast(),
-        }
+/// The rasteriser's camera at `world_from_camera`.
+pub fn rasteriser_camera(
+    intrinsics: &Intrinsics,
+    world_from_camera: &Isometry3<f64>,
+) -> lexsplat_gpu::Camera {
+    lexsplat_gpu::Camera {
+        width: intrinsics.width,
+        height: intrinsics.height,
+        fx: intrinsics.fx as f32,
+        fy: intrinsics.fy as f32,
+        cx: intrinsics.cx as f32,
+        cy: intrinsics.cy as f32,
+        camera_from_world: world_from_camera.inverse().cast(),
     }
 }
 

@@ -313,6 +313,12 @@ fn kernels_know_no_network_and_no_service() {
 }
 
 #[test]
+fn registration_knows_pictures_only() {
+    let others = ["tokio", "lexsplat_server", "lexsplat_gpu", "lexsplat_proto", "wgpu"];
+    assert_never_names("server/registration/src", &others, &[]);
+}
+
+#[test]
 fn the_pipeline_knows_no_wire() {
     let wire = ["tonic", "axum", "prost", "serde_json", "ingest", "http", "lexsplat_proto"];
     assert_never_names("server/src/pipeline", &wire, &[]);
@@ -378,8 +384,8 @@ fn the_tests_run_on_the_oldest_compiler_that_is_promised() {
 
 #[test]
 fn every_file_says_what_it_is_and_stays_short() {
-    for folder in ["proto/src", "gpu/src", "server/src", "tests"].into_iter().chain(CLIENT_FOLDERS)
-    {
+    let folders = ["proto/src", "gpu/src", "server/src", "server/registration/src", "tests"];
+    for folder in folders.into_iter().chain(CLIENT_FOLDERS) {
         for (path, text) in sources(folder, "rs") {
             let path = path.display();
             assert!(

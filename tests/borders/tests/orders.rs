@@ -46,6 +46,12 @@ pub const CRATES: &[Declared] = &[
         circles: Circles::InsideOneFolder,
     },
     Declared {
+        folder: "server/registration/src",
+        root: "lib.rs",
+        levels: &[&["intrinsics", "lens"], &["camera"], &["depth", "rectification"], &["lib"]],
+        circles: Circles::Never,
+    },
+    Declared {
         folder: "server/src",
         root: "lib.rs",
         levels: &[

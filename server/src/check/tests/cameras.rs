@@ -142,7 +142,7 @@ fn depth_has_the_size_of_its_own_camera() {
     let units = vec![2000_u16; 16 * 12];
     let wire = with_depth(DepthFormat::U16, u16_bytes(&units));
     let raw = frame(&wire, &opening, None, &LIMITS).unwrap();
-    let registered = opening.registration.register(raw).unwrap();
+    let registered = registered(raw, &opening).unwrap();
     assert_eq!(registered.depth_metres.len(), PIXELS);
     let middle = registered.depth_metres[PIXELS / 2 + WIDTH as usize / 2];
     assert!((middle - 2.0).abs() < 1e-3, "{middle}");

@@ -1,6 +1,6 @@
 //! Selects keyframes: frames that show something new, or that were taken from far enough away.
 
-use super::super::frame::Frame;
+use super::super::frame::{Frame, rasteriser_camera};
 use super::super::keyframes::{KeyframeStore, SurfaceSample};
 use super::super::quantile::median;
 use super::config::MapperConfig;
@@ -32,7 +32,7 @@ pub(in super::super) fn is_keyframe(
     {
         return true;
     }
-    let camera = frame.intrinsics.camera(world_from_camera);
+    let camera = rasteriser_camera(&frame.intrinsics, world_from_camera);
     let sample = SurfaceSample::new(&camera, &frame.depth_metres, SAMPLES);
     let window = keyframes.iter().rev().take(config.window.max(1));
     sample.novelty(window.map(|keyframe| &keyframe.training)) > config.keyframe_novelty

@@ -3,6 +3,7 @@
 use super::error::QueryError;
 use super::limits::MAX_VIEW_SIDE;
 use super::request::View;
+use crate::pipeline::frame::rasteriser_camera;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::Camera;
 
@@ -16,7 +17,7 @@ pub(super) fn of_view(snapshot: &MapSnapshot, view: &View) -> Result<Camera, Que
         View::Camera { intrinsics, world_from_camera } => (*intrinsics, *world_from_camera),
     };
     check_size("view.camera", intrinsics.width, intrinsics.height)?;
-    Ok(intrinsics.camera(&world_from_camera))
+    Ok(rasteriser_camera(&intrinsics, &world_from_camera))
 }
 
 /// The camera at a requested size, `(width, height)` in pixels.

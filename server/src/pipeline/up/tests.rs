@@ -1,6 +1,7 @@
 //! Up in a ray-cast room whose world is turned any way, seen by a noisy camera that is held badly.
 
 use super::super::downsampled_frame::DownsampledFrame;
+use super::super::frame::rasteriser_camera;
 use super::*;
 use crate::test_support::{ROOM_CAMERA as CAMERA, ray_cast_room};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
@@ -34,7 +35,7 @@ fn shoot(
     };
     let depth_metres: Vec<f32> = ray_cast_room(room_from_camera).into_iter().map(depth).collect();
     DownsampledFrame {
-        camera: CAMERA.camera(room_from_camera),
+        camera: rasteriser_camera(&CAMERA, room_from_camera),
         rgb: vec![0; 3 * depth_metres.len()].into(),
         depth_metres: depth_metres.into(),
     }

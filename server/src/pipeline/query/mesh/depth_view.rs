@@ -1,5 +1,6 @@
 //! Views of the keyframes, rendered from the map.
 
+use crate::pipeline::frame::rasteriser_camera;
 use crate::pipeline::query::camera;
 use crate::pipeline::query::render::{Scene, depth};
 use crate::pipeline::snapshot::{KeyframeInfo, MapSnapshot};
@@ -45,7 +46,7 @@ pub(super) fn render(
     keyframe: &KeyframeInfo,
     max_step_metres: f32,
 ) -> Result<DepthView, GpuError> {
-    let camera = keyframe.intrinsics.camera(&keyframe.frame.world_from_camera);
+    let camera = rasteriser_camera(&keyframe.intrinsics, &keyframe.frame.world_from_camera);
     let camera = camera::narrowed(&camera, COLUMNS);
     let image = scene.color(snapshot, &camera)?;
     let depth = depth(&image, MIN_OPACITY);

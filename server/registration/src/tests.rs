@@ -1,6 +1,5 @@
 //! A room with boxes and balls, ray-cast through two cameras of different size and lens that are 5 cm apart.
 
-use super::super::frame::FrameUp;
 use super::camera::Optics;
 use super::*;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -89,22 +88,15 @@ fn beside() -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(-0.05, 0.004, -0.003), turn)
 }
 
-/// A frame of one color and the given depth.
-fn raw(cameras: &Cameras, depth_metres: Vec<f32>) -> RawFrame {
+/// Pictures of one color and the given depth.
+fn raw(cameras: &Cameras, depth_metres: Vec<f32>) -> Pictures {
     let Intrinsics { width, height, .. } = cameras.color.intrinsics;
-    RawFrame(Frame {
-        sequence: 1,
-        timestamp_nanos: 1,
+    Pictures {
         intrinsics: cameras.color.intrinsics,
         rgb: vec![90; (width * height * 3) as usize].into(),
         depth_metres: depth_metres.into(),
-        depth_lag_nanos: 0,
-        world_from_camera: None,
-        hint: None,
         labels: None,
-        held_out: false,
-        up: FrameUp::default(),
-    })
+    }
 }
 
 /// Of the pixels whose surface both cameras see: the share that has depth, and the share of those within 1 %.
@@ -113,7 +105,7 @@ struct Score {
     right: f64,
 }
 
-fn scored(cameras: &Cameras, frame: &Frame) -> Score {
+fn scored(cameras: &Cameras, frame: &Pictures) -> Score {
     let Some(DepthCamera::Own { camera, color_from_depth }) = cameras.depth else {
         panic!("a rig");
     };
@@ -280,13 +272,11 @@ fn a_rectified_picture_is_straight_and_has_no_pixel_made_up() {
             .collect();
         let cameras = Cameras { color: camera, depth: None };
         let registration = Registration::new(cameras).unwrap();
-        let RawFrame(mut frame) = raw(&cameras, vec![1.0; (width * height) as usize]);
+        let mut frame = raw(&cameras, vec![1.0; (width * height) as usize]);
         frame.rgb = rgb.into();
-        frame.labels = Some(Labels {
-            ids: (0..width * height).map(|pixel| u16::from(pixel % width > 161)).collect(),
-            texts: Arc::new(["right".to_owned()]),
-        });
-        let frame = registration.register(RawFrame(frame)).unwrap();
+        frame.labels =
+            Some((0..width * height).map(|pixel| u16::from(pixel % width > 161)).collect());
+        let frame = registration.register(frame).unwrap();
         let Intrinsics { fx, fy, cx, cy, .. } = frame.intrinsics;
         for (pixel, color) in (0..).zip(frame.rgb.chunks_exact(3)) {
             let ray = [(f64::from(pixel % width) - cx) / fx, (f64::from(pixel / width) - cy) / fy];
@@ -297,7 +287,7 @@ fn a_rectified_picture_is_straight_and_has_no_pixel_made_up() {
             assert_eq!(color[2], 200, "{distortion:?}: pixel {pixel} is made up");
         }
         let labels = frame.labels.unwrap();
-        assert_eq!((labels.ids[0], labels.ids[width as usize - 1]), (0, 1));
+        assert_eq!((labels[0], labels[width as usize - 1]), (0, 1));
         // Depth through the same lens is straightened with it.
         assert!(frame.depth_metres.iter().all(|depth| (depth - 1.0).abs() < 1e-3));
     }
@@ -309,10 +299,10 @@ fn a_frame_s_own_intrinsics_count() {
     let registration = Registration::new(cameras).unwrap();
     let blank = || raw(&cameras, vec![1.0; 320 * 240]);
     let usual = registration.register(blank()).unwrap().intrinsics;
-    let RawFrame(mut nearer) = blank();
+    let mut nearer = blank();
     nearer.intrinsics.fx *= 1.1;
     nearer.intrinsics.fy *= 1.1;
-    let own = registration.register(RawFrame(nearer)).unwrap().intrinsics;
+    let own = registration.register(nearer).unwrap().intrinsics;
     assert!(own.fx > 1.05 * usual.fx, "{own:?} and {usual:?}");
     assert_eq!(registration.register(blank()).unwrap().intrinsics, usual);
 }
@@ -322,17 +312,16 @@ fn depth_of_another_time_follows_the_camera() {
     let camera = color_camera(Distortion::None);
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.005, -0.03, 0.002));
     let later = Isometry3::from_parts(Translation3::new(0.02, 0.0, 0.01), turn);
-    let cameras = Cameras { color: camera, depth: None };
-    let RawFrame(frame) = raw(&cameras, depth_of(&camera, &later));
+    let measured = depth_of(&camera, &later);
     let truth = depth_of(&camera, &Isometry3::identity());
-    let wrong = |frame: &Frame| {
-        let both = truth.iter().zip(&*frame.depth_metres);
+    let wrong = |depth: &[f32]| {
+        let both = truth.iter().zip(depth);
         both.filter(|(truth, found)| **found > 0.0 && (*found - *truth).abs() > 0.01 * **truth)
             .count()
     };
-    let moved = at_one_time(frame.clone(), &later);
-    assert!(wrong(&moved) * 10 < wrong(&frame), "{} and {}", wrong(&moved), wrong(&frame));
-    let known = moved.depth_metres.iter().filter(|depth| **depth > 0.0).count();
+    let moved = depth_seen_from(&measured, &camera.intrinsics, &later);
+    assert!(wrong(&moved) * 10 < wrong(&measured), "{} and {}", wrong(&moved), wrong(&measured));
+    let known = moved.iter().filter(|depth| **depth > 0.0).count();
     assert!(known * 20 > truth.len() * 18, "{known} of {}", truth.len());
 }
 
@@ -348,8 +337,8 @@ fn a_lens_that_sees_nothing_is_refused() {
 fn a_frame_whose_own_intrinsics_do_not_fit_the_lens_is_refused() {
     let cameras = Cameras { color: color_camera(BROWN), depth: None };
     let registration = Registration::new(cameras).unwrap();
-    let RawFrame(mut aside) = raw(&cameras, vec![1.0; 320 * 240]);
+    let mut aside = raw(&cameras, vec![1.0; 320 * 240]);
     aside.intrinsics.cx = -300.0;
-    assert!(matches!(registration.register(RawFrame(aside)), Err(LensError::Blind)));
+    assert!(matches!(registration.register(aside), Err(LensError::Blind)));
     assert!(registration.register(raw(&cameras, vec![1.0; 320 * 240])).is_ok());
 }

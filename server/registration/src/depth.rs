@@ -9,7 +9,7 @@
 //! All of it is computed with inverse depth, 1 / metres: on a plane it is linear in the picture.
 
 use super::camera::{Camera, Optics};
-use crate::pipeline::frame::Intrinsics;
+use super::intrinsics::Intrinsics;
 use glam::{Mat4, Vec4, Vec4Swizzles};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Removes the distortion of a lens from color and labels.
 
 use super::camera::{Camera, Optics};
-use crate::pipeline::frame::Intrinsics;
+use super::intrinsics::Intrinsics;
 use glam::Vec4;
 use rayon::prelude::*;
 

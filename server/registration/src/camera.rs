@@ -1,7 +1,7 @@
 //! The cameras of a stream, and the pixels that their rays go through.
 
+use super::intrinsics::Intrinsics;
 use super::lens::{Distortion, Lens};
-use crate::pipeline::frame::Intrinsics;
 use nalgebra::Isometry3;
 
 /// A camera with its lens.
