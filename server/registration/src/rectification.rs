@@ -88,6 +88,7 @@ fn widest(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
 
 /// Weights of the pixels before, at, after and beyond a place (Catmull–Rom); `along`: from the second to
 /// the third, 0 to 1.
+#[inline]
 fn cubic(along: f32) -> [f32; 4] {
     let (one, two, three) = (along, along * along, along * along * along);
     [
