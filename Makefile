@@ -51,6 +51,7 @@ SOURCES = $(sort $(dir $(shell git ls-files '*/src/lib.rs' '*/src/main.rs' | gre
 bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-gpu --bench engine
 	cargo bench -p lexsplat-server --bench query
+	cargo bench -p lexsplat-registration
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
 soak: deps ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
