@@ -14,6 +14,9 @@ const MOST_STRETCHED: f64 = 4.0;
 const HALVINGS: usize = 40;
 /// Points of each edge of the picture that are tried.
 const EDGE_POINTS: u32 = 64;
+/// Slope of the interpolation's kernel at a distance of one pixel, as OpenCV has it: -0.5 takes away an eighth of
+/// the squared gradients, this one a fourteenth, bilinear interpolation a third.
+const STEEPNESS: f32 = -0.75;
 /// Columns and rows by which cubic interpolation reaches beyond a picture.
 const PADDING: usize = 3;
 
@@ -86,17 +89,13 @@ fn widest(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
     low
 }
 
-/// Weights of the pixels before, at, after and beyond a place (Catmull–Rom); `along`: from the second to
-/// the third, 0 to 1.
+/// Weights of the pixels before, at, after and beyond a place (Keys 1981, equation 4); `along`: from the second
+/// to the third, 0 to 1.
 #[inline]
 fn cubic(along: f32) -> [f32; 4] {
-    let (one, two, three) = (along, along * along, along * along * along);
-    [
-        -0.5 * one + two - 0.5 * three,
-        1.0 - 2.5 * two + 1.5 * three,
-        0.5 * one + 2.0 * two - 1.5 * three,
-        -0.5 * two + 0.5 * three,
-    ]
+    let inner = |d: f32| ((STEEPNESS + 2.0) * d - (STEEPNESS + 3.0)) * d * d + 1.0;
+    let outer = |d: f32| STEEPNESS * (((d - 5.0) * d + 8.0) * d - 4.0);
+    [outer(1.0 + along), inner(along), inner(1.0 - along), outer(2.0 - along)]
 }
 
 /// Where the pixels of a pinhole camera are in the distorted picture.
@@ -123,8 +122,7 @@ impl Rectification {
         Self { width, height, places: (0..width * height).into_par_iter().map(place).collect() }
     }
 
-    /// The picture of the pinhole camera, `[height * width * 3]`, by cubic interpolation: bilinear
-    /// interpolation takes away a third of the gradients.
+    /// The picture of the pinhole camera, `[height * width * 3]`, by cubic interpolation.
     pub fn color(&self, rgb: &[u8]) -> Vec<u8> {
         let padded = self.padded(rgb);
         let mut rectified = vec![0; rgb.len()];
