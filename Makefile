@@ -24,6 +24,18 @@ test: lint ## Lints, and every test
 	@deploy/setup.sh --tests
 	cargo build --workspace --bins
 	cargo test --workspace
+	$(call on_swiftshader,$(SWIFTSHADER_SLICE))
+
+# Proofs of kernels on a second driver, which rounds and schedules differently from llvmpipe and has subgroups of 4.
+# With PROOF_ADAPTER they fail on any other.
+SWIFTSHADER = $(CURDIR)/.deps/swiftshader/vk_swiftshader_icd.json
+SWIFTSHADER_SLICE = primitives:: align:: normal_system:: pyramid:: optimiser:: golden:: map::morton:: map::prune::
+define on_swiftshader
+@if [ -f $(SWIFTSHADER) ]; then \
+  echo 'proofs of kernels on SwiftShader'; \
+  PROOF_ADAPTER=SwiftShader VK_DRIVER_FILES=$(SWIFTSHADER) cargo test --workspace --test proof -- $(1); \
+else echo 'SKIPPED: kernels are not tested on a second driver, because SwiftShader could not be had (deploy/setup.sh --tests)'; fi
+endef
 
 lint: ## Format, lints, types, documentation, licences, spelling
 	@deploy/setup.sh --lint
@@ -54,8 +66,10 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-registration
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
-soak: deps ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
+soak: ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
+	@deploy/setup.sh --tests
 	cargo build --workspace --bins
+	$(call on_swiftshader)
 	cargo test --workspace --lib -- --ignored --nocapture many_histories
 	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1
 

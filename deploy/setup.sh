@@ -4,7 +4,8 @@
 # install something, it prints the command to run.
 #
 #   deploy/setup.sh            for the server
-#   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files
+#   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files,
+#                              SwiftShader as a second Vulkan driver where Debian's packages have it
 #   deploy/setup.sh --lint     only the linters: typos, ruff and mypy
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -121,4 +122,27 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/client/grpcio-1.80.0.dist-info ]; then
   mkdir -p .deps
   pip_install .deps/client --only-binary=:all: 'grpcio==1.80.0' 'grpcio-tools==1.76.0' 'numpy>=2,<3' \
     'hatchling==1.33.0' 'pytest==9.2.0' 'pillow>=11,<14' 'rerun-sdk>=0.23,<0.42'
+fi
+
+# SwiftShader, a second software driver for the tests of kernels. Debian has it in a package of Chromium; of its
+# 32 MB only the driver is unpacked (5 MB), and nothing is installed.
+swiftshader=.deps/swiftshader
+unpack_swiftshader() (
+  cd "$swiftshader.partial"
+  fetch() { apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=20 "$@"; }
+  fetch download chromium-common || { [ "$(id -u)" = 0 ] && fetch update && fetch download chromium-common; } &&
+    dpkg-deb --fsys-tarfile chromium-common_*.deb |
+    tar -x --strip-components=4 --wildcards './usr/lib/chromium/*vk_swiftshader*' &&
+    rm chromium-common_*.deb && [ -f libvk_swiftshader.so ] && [ -f vk_swiftshader_icd.json ]
+)
+if [ "${1:-}" = --tests ] && [ ! -d "$swiftshader" ]; then
+  say "unpacking the driver SwiftShader into $swiftshader"
+  rm -rf "$swiftshader.partial"
+  mkdir -p "$swiftshader.partial"
+  if why=$(unpack_swiftshader 2>&1); then
+    mv "$swiftshader.partial" "$swiftshader"
+  else
+    rm -rf "$swiftshader.partial"
+    say "SwiftShader cannot be had here, so the tests run on one driver only: $(tail -n 1 <<<"$why")"
+  fi
 fi

@@ -82,6 +82,11 @@ impl<T: Pod> Buffer<T> {
         Ok(bytemuck::pod_collect_to_vec(&bytes))
     }
 
+    /// Most values that a buffer of this adapter can hold.
+    pub fn most(gpu: &Gpu) -> usize {
+        largest_binding(gpu) as usize / size_of::<T>()
+    }
+
     /// Number of values.
     pub fn len(&self) -> usize {
         self.len

@@ -91,9 +91,11 @@ impl Camera {
         ]
     }
 
-    /// The uniform of a pass over `count` Gaussians whose lists hold `capacity` hits.
+    /// The uniform of a pass over `count` Gaussians whose lists hold `capacity` hits; its band is the
+    /// whole picture.
     pub(crate) fn arguments(&self, tiling: Tiling, count: usize, capacity: usize) -> PassArguments {
         let m = self.camera_from_world.to_homogeneous();
+        let tiles = self.tiles(tiling);
         let row = |i: usize| [m[(i, 0)], m[(i, 1)], m[(i, 2)], m[(i, 3)]];
         PassArguments {
             camera_x: row(0),
@@ -103,7 +105,9 @@ impl Camera {
             centre: [self.cx, self.cy],
             limit: self.jacobian_limit(),
             size: [self.width, self.height],
-            tiles: self.tiles(tiling),
+            tiles,
+            band: [0, tiles[1]],
+            bands: 1,
             count: count as u32,
             capacity: capacity as u32,
             ..PassArguments::default()

@@ -69,7 +69,7 @@ impl Renderer {
             self.head(head).backward_buffers().image_gradients.write(&gpu, 0, d_image);
             let mut recorder = Recorder::new(&gpu)?;
             self.record_forward(&mut recorder, map, cameras);
-            self.head(head).backward(&mut recorder, self.binning().ranks(), map.arrays);
+            self.head(head).backward(&mut recorder, self.binning(), map.arrays);
             recorder.submit();
             let pass = self.head_mut(head);
             let hits: Vec<HitCount> = pass.hit_count().read(&gpu, 1)?;

@@ -1,5 +1,6 @@
 //! The splatting pass of one view: images from a map, and gradients of the images back to the map.
 
+mod bands;
 mod binning;
 pub mod blend;
 mod camera;

@@ -1,7 +1,8 @@
 //! Renders color, depth and language codes from any camera.
 //!
 //! The lists of hits have a capacity. If a view overflows them, they grow and the view is rendered
-//! again, so an image is never made from incomplete lists.
+//! again, so an image is never made from incomplete lists. Where they cannot grow, the view is cut
+//! into bands.
 
 use crate::device::{Gpu, GpuError, expect_len};
 use crate::map::rows::unpad_rows;
@@ -141,7 +142,7 @@ impl Renderer {
         if !self.draw(gaussians, camera, HeadKind::Color)? {
             return Ok(Vec::new());
         }
-        let found = self.color.contributions(&self.gpu, self.binning.ranks())?;
+        let found = self.color.contributions(&self.gpu, &self.binning)?;
         Ok(found
             .into_iter()
             .map(|[weight, touched_pixels]| Contribution { weight, touched_pixels })
@@ -178,9 +179,16 @@ impl Renderer {
         });
         Ok(Workload {
             visible: self.binning.ranks().visible.read(&self.gpu, 1)?[0].count as usize,
-            hits: self.color.hit_count().read(&self.gpu, 1)?[0].drawn as usize,
+            hits: ranges.iter().map(|[first, end]| (end - first) as usize).sum(),
             evaluations: evaluated.sum::<u64>() * u64::from(width * height),
         })
+    }
+
+    /// Makes lists hold at most `hits` hits, instead of as many as the device can bind. A picture
+    /// with more is drawn band by band.
+    pub fn limit_lists(&mut self, hits: usize) {
+        self.color.limit_lists(hits);
+        self.language.limit_lists(hits);
     }
 
     /// Bytes of scratch on the device.
@@ -246,7 +254,7 @@ impl Renderer {
             [(cameras.color, &mut self.color), (cameras.language, &mut self.language)]
         {
             if let Some(camera) = camera {
-                let arguments = camera.arguments(tiling, map.count, pass.hit_capacity());
+                let arguments = camera.arguments(tiling, map.count, pass.list_capacity());
                 pass.project(recorder, map.arrays, arguments);
             }
         }

@@ -159,7 +159,13 @@ structs! {
         chunk: u32 => "u32",
         /// Runs into which hits are cut where tiles are counted, not sorted.
         runs: u32 => "u32",
-        /// Fills the struct to 112 bytes.
+        /// First row of tiles of the band that is listed, and the row behind its last.
+        band: [u32; 2] => "vec2<u32>",
+        /// Bands of the picture.
+        bands: u32 => "u32",
+        /// Fills the struct to 128 bytes.
+        unused: u32 => "u32",
+        /// Likewise.
         spare: [u32; 2] => "vec2<u32>",
     }
     /// A Gaussian projected into one camera: alpha = 2^(level - first dx^2 - second (dy - lean
@@ -196,12 +202,14 @@ structs! {
         /// One more than the sorted index of the last hit that was blended; 0 for none.
         last: u32 => "u32",
     }
-    /// How many hits a pass wanted and how many it drew.
+    /// How many hits a view has, band by band.
     HitCount {
-        /// Hits in the lists.
+        /// Hits in the lists of the last band.
         drawn: u32 => "u32",
-        /// Hits that there are; more than `drawn` means that the lists overflowed.
+        /// Hits that the view would have if all bands were as full as the fullest.
         wanted: u32 => "u32",
+        /// Hits of all bands that the lists had no room for.
+        missing: u32 => "u32",
         /// Workgroups for one thread per hit in the lists.
         groups: [u32; 3] => "array<u32, 3>",
     }

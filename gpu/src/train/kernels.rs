@@ -113,15 +113,15 @@ impl StepKernels {
         let len = step.job.camera.pixels();
         let terms = Summands { rows: &scratch.terms, len, stride: 1, row: 0, limit: None };
         self.reduce.sum(recorder, terms, &self.results, COLOR_ROW, &scratch.sums);
-        let ranks = step.renderer.binning().ranks();
-        pass.backward(recorder, ranks, step.map.arrays);
+        let binning = step.renderer.binning();
+        pass.backward(recorder, binning, step.map.arrays);
         for (row, slot) in [(1, POSE_ROW), (2, POSE_ROW + 1)] {
             let moves = Summands {
                 rows: &backward.gradients.moves,
                 len: step.map.count,
                 stride: MOVE_ROWS as u32,
                 row,
-                limit: Some(&ranks.visible),
+                limit: Some(&binning.ranks().visible),
             };
             self.reduce.sum(recorder, moves, &self.results, slot, &scratch.sums);
         }
@@ -139,7 +139,7 @@ impl StepKernels {
         let len = camera.pixels();
         let terms = Summands { rows: &scratch.terms, len, stride: 1, row: 0, limit: None };
         self.reduce.sum(recorder, terms, &self.results, LANGUAGE_ROW, &scratch.sums);
-        pass.backward(recorder, step.renderer.binning().ranks(), step.map.arrays);
+        pass.backward(recorder, step.renderer.binning(), step.map.arrays);
     }
 
     fn record_isotropic(&self, recorder: &mut Recorder<'_>, step: StepContext<'_>) {

@@ -5,6 +5,7 @@
 mod align;
 mod align_speed;
 mod backward;
+mod bands;
 mod differences;
 mod example;
 mod forward;

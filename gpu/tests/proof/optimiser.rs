@@ -203,12 +203,12 @@ fn an_overflowed_list_stops_adam() {
     let rows = |row: [f32; 4]| Buffer::from_slice(&gpu, "rows", &[row, row]).expect("fits");
     let steps = Buffer::<u32>::new(&gpu, "steps", 1).expect("fits");
     let corrections = Buffer::<[f32; 2]>::new(&gpu, "corrections", 1).expect("fits");
-    let hits = |drawn, wanted| {
-        Buffer::from_slice(&gpu, "counts", &[HitCount { drawn, wanted, ..HitCount::default() }])
+    let hits = |drawn, missing| {
+        Buffer::from_slice(&gpu, "counts", &[HitCount { drawn, missing, ..HitCount::default() }])
             .expect("fits")
     };
     let ranks = Ranks::all(&gpu, &Sort::new(&gpu).expect("compiles"), 1).expect("fits");
-    let (whole, cut, sums) = (hits(5, 5), hits(5, 6), rows([1.0; 4]));
+    let (whole, cut, sums) = (hits(5, 0), hits(5, 1), rows([1.0; 4]));
     for (counts, moves) in [([&whole, &cut], 0), ([&cut, &whole], 0), ([&whole, &whole], 1)] {
         let seen = SeenGaussians { ranks: &ranks, sums: (&sums, 2), counts, count: 1 };
         let mut recorder = Recorder::new(&gpu).expect("fits");

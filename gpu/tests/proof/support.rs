@@ -1,13 +1,27 @@
 //! Scenes for the tests: seeded, small, and the same on every machine.
 
-use lexsplat_gpu::{Camera, Gpu, HostGaussians, HostHead};
+use lexsplat_gpu::{Camera, Gpu, GpuError, HostGaussians, HostHead};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// The adapter that the tests run on; a machine without one must not look tested.
+/// The adapter that the tests run on: the best one, or the one whose name contains `PROOF_ADAPTER` of
+/// the environment. A machine without it must not look tested.
 pub fn gpu() -> Gpu {
-    Gpu::new(None).unwrap_or_else(|error| panic!("these tests need a vulkan adapter: {error}"))
+    opened(Gpu::new(adapter().as_deref()))
+}
+
+/// As [`gpu`], with a tier by name.
+pub fn gpu_of_tier(tier: &str) -> Gpu {
+    opened(Gpu::with_tier(adapter().as_deref(), tier))
+}
+
+fn adapter() -> Option<String> {
+    std::env::var("PROOF_ADAPTER").ok()
+}
+
+fn opened(gpu: Result<Gpu, GpuError>) -> Gpu {
+    gpu.unwrap_or_else(|error| panic!("these tests need a vulkan adapter: {error}"))
 }
 
 /// A camera a little off the origin that looks along +z.

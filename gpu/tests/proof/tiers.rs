@@ -76,10 +76,10 @@ fn furthest(a: &[f32], b: &[f32]) -> f32 {
 #[test]
 fn every_tier_gives_what_the_portable_one_gives() {
     let scene = support::scene(31, 200, CHANNELS, 0.1);
-    let portable = Gpu::with_tier(None, "portable").expect("every adapter has it");
+    let portable = support::gpu_of_tier("portable");
     let wanted = results(&portable, &scene);
     for tier in portable.tiers() {
-        let gpu = Gpu::with_tier(None, tier.name()).expect("the adapter keeps its word");
+        let gpu = support::gpu_of_tier(tier.name());
         assert_eq!(gpu.tier(), *tier);
         let difference = furthest(&results(&gpu, &scene), &wanted);
         println!("{}: {difference:.1e}", tier.name());

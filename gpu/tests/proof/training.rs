@@ -71,7 +71,7 @@ pub fn disturbed(scene: &HostGaussians) -> HostGaussians {
     scene
 }
 
-fn train(
+pub fn train(
     trainer: &mut Trainer,
     map: &mut Gaussians,
     view: &TrainingView<'_>,

@@ -34,8 +34,8 @@ fn add_hit(hit: u32, other: u32, corner: vec2<u32>, lane: u32) {
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
-    let tile = linear_group(group, groups);
-    if tile >= pass_.tiles.x * pass_.tiles.y { return; }
+    let tile = pass_.band.x * pass_.tiles.x + linear_group(group, groups);
+    if tile >= pass_.band.y * pass_.tiles.x { return; }
     let corner = vec2<u32>(tile % pass_.tiles.x, tile / pass_.tiles.x);
     let range = ranges[tile];
     //repeat s STRIPS

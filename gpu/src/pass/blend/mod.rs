@@ -24,20 +24,22 @@ pub struct Blend {
     chunks: u32,
 }
 
-/// Input of the blend of one view.
+/// Input of the blend of one band of a view.
 #[derive(Clone, Copy)]
 pub struct TileLists<'a> {
-    /// The camera.
+    /// Camera and band.
     pub arguments: &'a PassArguments,
     /// Projected Gaussians.
     pub splats: &'a Buffer<Splat>,
-    /// The lists of all tiles.
+    /// The lists of the band.
     pub hits: &'a Hits,
 }
 
 impl TileLists<'_> {
+    /// Tiles of the band.
     fn tiles(&self) -> u32 {
-        self.arguments.tiles[0] * self.arguments.tiles[1]
+        let [first, end] = self.arguments.band;
+        self.arguments.tiles[0] * (end - first)
     }
 
     /// Ranges, slots, Gaussians and splats.
@@ -113,7 +115,7 @@ impl Blend {
         })
     }
 
-    /// Fills `image` (height x width x rows) and `pixels` (height x width).
+    /// Fills the band of `image` (height x width x rows) and `pixels` (height x width).
     pub fn forward(
         &self,
         recorder: &mut Recorder<'_>,

@@ -1,6 +1,7 @@
 // Sums the records of the hits of each visible Gaussian, in slot order; blend/backward.wgsl has the
 // rows. The fourth feature of the color head is depth: its gradient goes to the third row of the
-// sums.
+// sums. Behind the first band the sums go on from those of the bands above, so that bands change no
+// bit.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> visible: array<Visible>;
@@ -23,6 +24,17 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         end = min(slot_from_rank[rank + 1u], pass_.capacity);
     }
     var sum: array<vec4<f32>, RECORD>;
+    if pass_.band.x > 0u {
+        sum[0] = sums[SUMS * index];
+        sum[1] = sums[SUMS * index + 1u];
+        //repeat row ROWS
+        if COLOR {
+            sum[2] = vec4<f32>(features[index].xyz, sums[SUMS * index + 2u].x);
+        } else {
+            sum[2u + $row] = features[ROWS * index + $row];
+        }
+        //end
+    }
     for (var slot = first; slot < end; slot++) {
         //repeat row RECORD
         sum[$row] += records[slot * RECORD + $row];

@@ -1,5 +1,6 @@
 // Projection of a Gaussian into a camera (EWA): u = fx x/z + cx, Sigma2 = J W Sigma W^T J^T +
-// DILATION. Whatever cannot be drawn, NaN included, gets no hits.
+// DILATION. Whatever cannot be drawn, NaN included, gets no hits. The first dispatch takes the first
+// band, and each further one adds the hits of its own.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> means: array<vec4<f32>>;
@@ -8,27 +9,12 @@
 @group(0) @binding(4) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(5) var<storage, read_write> coverage: array<Coverage>;
 
-fn covered(splat: Splat) -> Coverage {
-    let rect = tile_rect(splat);
-    var found = vec2<u32>(0u);
-    var at = 0u;
-    for (var y = rect.y; y < rect.w; y++) {
-        for (var x = rect.x; x < rect.z; x++) {
-            let hit = u32(touches(splat, vec2<u32>(x, y)));
-            found += vec2<u32>(hit, hit << min(at, MASK_TILES - 1u));
-            at += 1u;
-        }
-    }
-    let width = select(0u, rect.z - rect.x, at <= MASK_TILES);
-    return Coverage(found.x, found.y, rect.y * pass_.tiles.x + rect.x, width);
-}
-
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
     let gaussian = linear_thread(group, groups, lane);
     if gaussian >= pass_.count { return; }
-    coverage[gaussian] = Coverage(0u, 0u, 0u, 0u);
+    if pass_.band.x == 0u { coverage[gaussian] = Coverage(0u, 0u, 0u, 0u); }
     let shape = geometry[2u * gaussian + 1u];
     let q = geometry[2u * gaussian];
     let p = camera_point(means[gaussian].xyz);
@@ -61,5 +47,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if COLOR { feature = vec4<f32>(features[gaussian].xyz, p.z); }
     let splat = Splat(place, form, feature, extent, vec2<f32>(0.0));
     splats[gaussian] = splat;
+    let hits_above = coverage[gaussian].hits;
     coverage[gaussian] = covered(splat);
+    coverage[gaussian].hits += hits_above;
 }

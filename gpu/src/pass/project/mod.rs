@@ -37,9 +37,9 @@ pub struct BackwardInputs<'a> {
     pub geometry: &'a Buffer<Row>,
     /// The visible Gaussians.
     pub ranks: &'a Ranks,
-    /// The lists of the view.
+    /// The lists of the band.
     pub hits: &'a Hits,
-    /// One record per hit, from the backward blend.
+    /// One record per hit of the band, from the backward blend.
     pub records: &'a Buffer<Row>,
 }
 
@@ -138,7 +138,8 @@ impl Project {
         })
     }
 
-    /// Fills splats and coverage of all Gaussians.
+    /// Fills splats and coverage of all Gaussians. Takes the first band of a view, then once each
+    /// further one.
     pub fn forward(
         &self,
         recorder: &mut Recorder<'_>,
@@ -153,16 +154,16 @@ impl Project {
         recorder.dispatch_threads(&self.forward, arguments, &buffers, arguments.count as usize);
     }
 
-    /// Sums the records of the backward blend per rank, then takes them back to the parameters.
-    pub fn backward(
+    /// Sums the records of a band per rank, on top of the sums of the bands above.
+    pub fn collect(
         &self,
         recorder: &mut Recorder<'_>,
         arguments: &PassArguments,
         inputs: BackwardInputs<'_>,
         gradients: &GradientBuffers,
     ) {
-        let BackwardInputs { means, geometry, ranks, hits, records } = inputs;
-        let GradientBuffers { sums, features, moves, .. } = gradients;
+        let BackwardInputs { ranks, hits, records, .. } = inputs;
+        let GradientBuffers { sums, features, .. } = gradients;
         let buffers: [&wgpu::Buffer; 6] = [
             &ranks.visible,
             &ranks.rank_from_visible,
@@ -172,6 +173,18 @@ impl Project {
             features,
         ];
         ranks.run(recorder, &self.collect, arguments, &buffers);
+    }
+
+    /// Takes the sums of all bands back to the parameters.
+    pub fn backward(
+        &self,
+        recorder: &mut Recorder<'_>,
+        arguments: &PassArguments,
+        inputs: BackwardInputs<'_>,
+        gradients: &GradientBuffers,
+    ) {
+        let BackwardInputs { means, geometry, ranks, .. } = inputs;
+        let GradientBuffers { sums, moves, .. } = gradients;
         let gaussian_from_rank = &ranks.gaussian_from_visible;
         let buffers: [&wgpu::Buffer; 6] =
             [gaussian_from_rank, means, geometry, sums, moves, &gradients.geometry];

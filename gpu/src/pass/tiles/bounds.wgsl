@@ -9,8 +9,9 @@
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
     let tile = linear_thread(group, groups, lane);
-    if tile >= pass_.tiles.x * pass_.tiles.y { return; }
+    let above = pass_.band.x * pass_.tiles.x;
+    if above + tile >= pass_.band.y * pass_.tiles.x { return; }
     var first = 0u;
     if tile > 0u { first = table[tile * pass_.runs - 1u]; }
-    ranges[tile] = vec2<u32>(first, table[tile * pass_.runs + pass_.runs - 1u]);
+    ranges[above + tile] = vec2<u32>(first, table[tile * pass_.runs + pass_.runs - 1u]);
 }

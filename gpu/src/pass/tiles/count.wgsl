@@ -1,4 +1,4 @@
-// Hits of each run in each tile: table[tile * runs + run], zero before. Counts all hits.
+// Hits of each run in each tile: table[tile of the band * runs + run], zero before. Counts all hits.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -11,16 +11,14 @@
 var<private> own_run: u32;
 
 fn visit(tile: u32, slot: u32, gaussian: u32) {
-    table[tile * pass_.runs + own_run] += 1u;
+    table[(tile - pass_.band.x * pass_.tiles.x) * pass_.runs + own_run] += 1u;
 }
 
 @compute @workgroup_size(SORT_GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     own_run = group.x * SORT_GROUP + lane;
     if own_run == 0u {
-        let wanted = slot_from_rank[pass_.count];
-        let drawn = min(wanted, pass_.capacity);
-        count[0] = HitCount(drawn, wanted, groups_for(drawn));
+        count[0] = tally(count[0]);
     }
     if own_run < pass_.runs { walk_run(own_run); }
 }

@@ -1,7 +1,7 @@
 //! Grouping by counting: a table with the hits of each run in each tile is scanned, which gives the
 //! place of each hit.
 
-use super::{Compose, Hits, View, kernel};
+use super::{Compose, Hits, TALLY, View, kernel};
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::primitives::scan::ScanScratch;
 use crate::primitives::sort::{Sort, SortShape};
@@ -31,7 +31,7 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 3] {
     [
         shader(
             "tiles_count",
-            vec![GRID, CONIC, EXTENT, walk, runs, include_str!("count.wgsl")],
+            vec![GRID, CONIC, EXTENT, walk, runs, TALLY, include_str!("count.wgsl")],
             vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
@@ -43,6 +43,20 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 3] {
     ]
 }
 
+/// Runs into which hits are cut.
+fn runs(gpu: &Gpu, capacity: usize, gaussians: usize) -> usize {
+    let longest = capacity.max(gaussians);
+    longest.div_ceil(LONGEST_LOOP).max(SortShape::of(gpu.tier()).runs as usize)
+}
+
+/// Most hits whose slots and whose table can be bound; none if not even the runs of the Gaussians
+/// can.
+pub(super) fn most(gpu: &Gpu, gaussians: usize, tiles: usize) -> usize {
+    let most = Buffer::<u32>::most(gpu);
+    let most_runs = most / tiles;
+    if runs(gpu, 0, gaussians) > most_runs { 0 } else { most.min(most_runs * LONGEST_LOOP) }
+}
+
 impl Table {
     /// Room for `capacity` hits of `gaussians` Gaussians in `tiles` tiles.
     pub fn new(
@@ -52,8 +66,7 @@ impl Table {
         gaussians: usize,
         tiles: usize,
     ) -> Result<Self, GpuError> {
-        let longest = capacity.max(gaussians);
-        let runs = longest.div_ceil(LONGEST_LOOP).max(SortShape::of(gpu.tier()).runs as usize);
+        let runs = runs(gpu, capacity, gaussians);
         let cells = tiles * runs;
         Ok(Self {
             runs: runs as u32,
@@ -93,8 +106,8 @@ impl Counted {
         let buffers: [&wgpu::Buffer; 6] =
             [splats, coverage, gaussians, slots, &table.cells, &hits.count];
         recorder.dispatch(&self.count, arguments, &buffers, groups);
-        let [columns, rows] = arguments.tiles;
-        let tiles = (columns * rows) as usize;
+        let [first, end] = arguments.band;
+        let tiles = (arguments.tiles[0] * (end - first)) as usize;
         let cells = tiles * table.runs as usize;
         sort.scan().exclusive(recorder, &table.cells, cells, &table.scan);
         let buffers: [&wgpu::Buffer; 7] = [

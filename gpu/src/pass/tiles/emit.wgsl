@@ -22,9 +22,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         @builtin(local_invocation_index) lane: u32) {
     let rank = linear_thread(group, groups, lane);
     if rank == 0u {
-        let wanted = slot_from_rank[pass_.count];
-        let drawn = min(wanted, pass_.capacity);
-        count[0] = HitCount(drawn, wanted, groups_for(drawn));
+        count[0] = tally(count[0]);
     }
     if rank >= pass_.count { return; }
     let first = slot_from_rank[rank];

@@ -4,7 +4,7 @@
 //! The hits of a Gaussian have consecutive *slots*, in depth order over Gaussians. Lists hold
 //! slots, so the backward blend can write one record per slot and needs no atomics. If there are
 //! more hits than slots, the rest is dropped, [`HitCount`] reports it, and the pass must be
-//! repeated.
+//! repeated. The lists are those of one band of the picture.
 //!
 //! Grouping is a stable sort by tile (`sorted.rs`). On a processor it counts instead
 //! (`counted.rs`): each thread goes through a run of hits twice, and no keys are written and
@@ -16,10 +16,13 @@ use crate::pass::projected::Projected;
 use crate::primitives::scan::ScanScratch;
 use crate::primitives::sort::{Sort, SortShape};
 use crate::shader::layout::{Coverage, HitCount, PassArguments};
-use crate::shader::{Access, Constant, GRID, Kernel, Recorder, Shader, Tiling};
+use crate::shader::{Access, CONIC, Constant, EXTENT, GRID, Kernel, Recorder, Shader, Tiling};
 
 mod counted;
 mod sorted;
+
+/// Counts hits over the bands; both ways of grouping do it.
+const TALLY: &str = include_str!("tally.wgsl");
 
 /// The kernels that make lists.
 pub struct Tiles {
@@ -35,6 +38,7 @@ enum Group {
 
 /// The lists of one head.
 pub struct Hits {
+    tiles: [usize; 2],
     scan: ScanScratch,
     group: GroupBuffers,
     /// Which tiles each rank hits.
@@ -43,7 +47,8 @@ pub struct Hits {
     pub slot_from_rank: Buffer<u32>,
     /// Gaussian of each hit, by tile, then by depth.
     pub gaussian_from_sorted: Buffer<u32>,
-    /// First and end of each tile's list.
+    /// First and end of each tile's list. The lists of the last band are there, and of the bands
+    /// above their lengths.
     pub ranges: Buffer<[u32; 2]>,
     /// Number of hits.
     pub count: Buffer<HitCount>,
@@ -68,9 +73,9 @@ pub fn shaders(tiling: Tiling, shape: SortShape) -> Vec<Shader> {
     let rank = Shader {
         label: "tiles_rank",
         entry: "main",
-        parts: vec![GRID, include_str!("rank.wgsl")],
-        constants: Vec::new(),
-        bindings: [[Access::Read; 3].as_slice(), &[Access::Write; 2]].concat(),
+        parts: vec![GRID, CONIC, EXTENT, include_str!("rank.wgsl")],
+        constants: tiling.constants(1, 1),
+        bindings: [[Access::Read; 4].as_slice(), &[Access::Write; 2]].concat(),
     };
     let group_size = ("SORT_GROUP", Constant::U32(shape.group));
     let mut constants = tiling.constants(1, 1);
@@ -89,7 +94,7 @@ pub fn shaders(tiling: Tiling, shape: SortShape) -> Vec<Shader> {
 type Compose<'a> = dyn Fn(&'static str, Vec<&'static str>, Vec<Access>) -> Shader + 'a;
 
 impl Hits {
-    /// Room for `capacity` hits of `gaussians` Gaussians in `tiles` tiles.
+    /// Room for `capacity` hits of `gaussians` Gaussians in a band of `band_tiles` of `tiles` tiles.
     ///
     /// # Errors
     /// As [`Buffer::new`].
@@ -98,14 +103,15 @@ impl Hits {
         sort: &Sort,
         capacity: usize,
         gaussians: usize,
-        tiles: usize,
+        [band_tiles, tiles]: [usize; 2],
     ) -> Result<Self, GpuError> {
         let group = if gpu.tier().counts_tiles() {
-            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, gaussians, tiles)?)
+            GroupBuffers::Counted(counted::Table::new(gpu, sort, capacity, gaussians, band_tiles)?)
         } else {
             GroupBuffers::Sorted(sorted::Keys::new(gpu, sort, capacity, tiles)?)
         };
         Ok(Self {
+            tiles: [band_tiles, tiles],
             scan: sort.scan().scratch(gpu, gaussians + 1)?,
             group,
             coverage_from_rank: Buffer::new(gpu, "coverage by rank", gaussians)?,
@@ -114,6 +120,18 @@ impl Hits {
             ranges: Buffer::new(gpu, "tile ranges", tiles)?,
             count: Buffer::new(gpu, "hit count", 1)?,
         })
+    }
+
+    /// Most hits, of `gaussians` Gaussians in a band of `band_tiles` tiles, whose lists the device
+    /// can bind.
+    pub fn most(gpu: &Gpu, gaussians: usize, band_tiles: usize) -> usize {
+        let most = Buffer::<u32>::most(gpu);
+        if gpu.tier().counts_tiles() { counted::most(gpu, gaussians, band_tiles) } else { most }
+    }
+
+    /// Number of tiles that a band and the picture may have.
+    pub fn tiles(&self) -> [usize; 2] {
+        self.tiles
     }
 
     /// Number of hits that fit.
@@ -154,7 +172,7 @@ impl Tiles {
         Ok(Self { rank: kernel(gpu, &shaders, "tiles_rank")?, group })
     }
 
-    /// Makes the lists of a view from projected Gaussians and their ranks.
+    /// Makes the lists of a band from projected Gaussians and their ranks.
     pub fn list(
         &self,
         recorder: &mut Recorder<'_>,
@@ -165,10 +183,11 @@ impl Tiles {
         sort: &Sort,
     ) {
         let count = arguments.count as usize + 1;
-        let counted: [&wgpu::Buffer; 5] = [
+        let counted: [&wgpu::Buffer; 6] = [
             &ranks.visible,
             &ranks.gaussian_from_rank,
             &projected.coverage,
+            &projected.splats,
             &hits.slot_from_rank,
             &hits.coverage_from_rank,
         ];

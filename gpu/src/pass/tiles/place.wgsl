@@ -12,8 +12,9 @@
 var<private> own_run: u32;
 
 fn visit(tile: u32, slot: u32, gaussian: u32) {
-    let place = table[tile * pass_.runs + own_run];
-    table[tile * pass_.runs + own_run] = place + 1u;
+    let cell = (tile - pass_.band.x * pass_.tiles.x) * pass_.runs + own_run;
+    let place = table[cell];
+    table[cell] = place + 1u;
     slot_from_sorted[place] = slot;
     gaussian_from_sorted[place] = gaussian;
 }

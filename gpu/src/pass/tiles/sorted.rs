@@ -1,6 +1,6 @@
 //! Grouping by a stable sort: a key per hit.
 
-use super::{Compose, Hits, View, kernel};
+use super::{Compose, Hits, TALLY, View, kernel};
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::primitives::sort::{Sort, SortBuffers};
 use crate::shader::layout::HitCount;
@@ -23,7 +23,7 @@ pub(super) fn shaders(shader: &Compose<'_>) -> [Shader; 2] {
     [
         shader(
             "tiles_emit",
-            vec![GRID, CONIC, EXTENT, include_str!("walk.wgsl"), include_str!("emit.wgsl")],
+            vec![GRID, CONIC, EXTENT, include_str!("walk.wgsl"), TALLY, include_str!("emit.wgsl")],
             vec![Read, Read, Read, Read, Write, Write, Write, Write],
         ),
         shader(
@@ -76,7 +76,9 @@ impl Sorted {
         ];
         ranks.run(recorder, &self.emit, arguments, &emitted);
         sort.sort(recorder, &keys.sort, &hits.count);
-        recorder.clear(&hits.ranges);
+        if arguments.band[0] == 0 {
+            recorder.clear(&hits.ranges);
+        }
         let tiles = &keys.sort.keys[keys.sort.side()];
         let buffers: [&wgpu::Buffer; 6] = [
             &hits.count,

@@ -1,14 +1,15 @@
 /// Width and height of a tile, in pixels.
 const TILE_SIZE: vec2<f32> = vec2<f32>(f32(TILE_WIDTH), f32(TILE_HEIGHT));
 
-/// Tiles that the bounding box of the visible ellipse overlaps: first column, first row, end column,
-/// end row.
+/// Tiles of the band that the bounding box of the visible ellipse overlaps: first column, first row,
+/// end column, end row.
 fn tile_rect(splat: Splat) -> vec4<u32> {
-    let tiles = vec2<f32>(pass_.tiles);
+    let first = vec2<f32>(0.0, f32(pass_.band.x));
+    let end = vec2<f32>(f32(pass_.tiles.x), f32(pass_.band.y));
     let reach = splat.extent + vec2<f32>(0.01);
     let mean = splat.place.xy;
-    let low = clamp(floor((mean - reach) / TILE_SIZE), vec2<f32>(0.0), tiles);
-    let high = clamp(floor((mean + reach) / TILE_SIZE) + 1.0, vec2<f32>(0.0), tiles);
+    let low = clamp(floor((mean - reach) / TILE_SIZE), first, end);
+    let high = clamp(floor((mean + reach) / TILE_SIZE) + 1.0, first, end);
     return vec4<u32>(vec2<u32>(low), vec2<u32>(high));
 }
 
@@ -32,4 +33,20 @@ fn touches(splat: Splat, tile: vec2<u32>) -> bool {
         distance_below(conic, vec2<f32>(x, nearest.y)),
     );
     return least <= splat.form.w * 1.001 + 0.01;
+}
+
+/// Which tiles of the band the splat hits.
+fn covered(splat: Splat) -> Coverage {
+    let rect = tile_rect(splat);
+    var found = vec2<u32>(0u);
+    var at = 0u;
+    for (var y = rect.y; y < rect.w; y++) {
+        for (var x = rect.x; x < rect.z; x++) {
+            let hit = u32(touches(splat, vec2<u32>(x, y)));
+            found += vec2<u32>(hit, hit << min(at, MASK_TILES - 1u));
+            at += 1u;
+        }
+    }
+    let width = select(0u, rect.z - rect.x, at <= MASK_TILES);
+    return Coverage(found.x, found.y, rect.y * pass_.tiles.x + rect.x, width);
 }

@@ -13,7 +13,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         @builtin(local_invocation_index) lane: u32) {
     let index = linear_thread(group, groups, lane);
     if index >= arguments.count { return; }
-    let whole = one[0].wanted <= one[0].drawn && other[0].wanted <= other[0].drawn;
+    let whole = one[0].missing == 0u && other[0].missing == 0u;
     corrections[index] = vec2<f32>(0.0);
     if whole && sums[arguments.detail * index].w > 0.0 {
         let gaussian = gaussian_from_visible[index];
