@@ -6,11 +6,11 @@ use lexsplat_client::live::{BridgeError, BridgeEvent, BridgeOptions, BridgeProgr
 use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::Poses;
 use lexsplat_synthetic as synthetic;
-use lexsplat_tests::{Robot, Server, root, tiny_config};
+use lexsplat_tests::{Robot, Server, python, tiny_config};
 use nalgebra::Isometry3;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::Mutex;
 use std::time::Duration;
 use tokio::io::copy_bidirectional;
@@ -38,9 +38,7 @@ struct Live {
 impl Live {
     /// Simulates a camera's driver; goes away for a second at frame `cut`.
     fn start(room: &Path, device: &str, cut: usize) -> Self {
-        let mut process = Command::new("python3")
-            .env("PYTHONPATH", root().join(".deps/bags"))
-            .arg(root().join("tests/outside/live.py"))
+        let mut process = python("tests/outside/live.py", &["bags"])
             .arg(room)
             .arg(device)
             .arg(cut.to_string())
