@@ -4,10 +4,12 @@
 use lexsplat_client::Access;
 use lexsplat_client::live::{BridgeError, BridgeEvent, BridgeOptions, BridgeProgress, bridge};
 use lexsplat_client::rig::Wanted;
-use lexsplat_client::stream::Poses;
+use lexsplat_client::stream::ClientError;
+use lexsplat_server::access::{Scope, issue};
 use lexsplat_synthetic as synthetic;
 use lexsplat_tests::{Robot, Server, python, tiny_config};
 use nalgebra::Isometry3;
+use std::future::pending;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -245,8 +247,8 @@ async fn a_bridge_that_cannot_work_says_why() {
     };
     // A robot that is not there may come.
     let wait = || tokio::time::sleep(Duration::from_millis(1200));
-    let counts = bridge(&options(&address, &address, "m"), wait(), tell).await.expect("it waits");
-    assert_eq!(counts, BridgeProgress::default());
+    let error = bridge(&options(&address, &address, "m"), wait(), tell).await.expect_err("nobody");
+    assert!(matches!(error, BridgeError::NoFrames { .. }), "{error}");
     let found = told.lock().expect("nothing panics").join("\n");
     assert!(found.contains("cannot connect to ws://127.0.0.1:"), "{found}");
     assert!(found.contains("trying again in 1.0 s"), "the waits grow: {found}");
@@ -255,6 +257,14 @@ async fn a_bridge_that_cannot_work_says_why() {
         assert!(matches!(error, BridgeError::Address { .. }), "{wrong}: {error}");
         assert!(error.to_string().contains("expected ws://HOST:PORT"), "{error}");
     }
-    let poses = BridgeOptions { poses: Some(Poses::Given), ..options(&address, &address, "m") };
-    assert_eq!(bridge(&poses, wait(), tell).await.expect("it waits").robot_connections, 0);
+    // A server that does not know who is calling says so before any robot is there.
+    let mut config = tiny_config();
+    let (_, line) = issue("robot", &[Scope::Write], "m", None).expect("a token");
+    config.access.entries = vec![line];
+    let server = Server::start(config).await;
+    let asked = bridge(&options(&address, &server.grpc, "m"), pending(), |_| {});
+    let error = timeout(AT_MOST, asked).await.expect("it ends").expect_err("nobody is known");
+    assert!(matches!(error, BridgeError::Server(ClientError::Refused { .. })), "{error}");
+    assert!(error.to_string().contains("asks who is calling"), "{error}");
+    server.stop().await;
 }

@@ -49,7 +49,7 @@ pub use frame::{
 };
 pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect};
 pub use layer::Layer;
-pub(crate) use name::of as name_of;
+pub(crate) use name::{is_map_name, of as name_of};
 pub(crate) use natural::natural_order;
 pub use nerfstudio::Nerfstudio;
 pub use posed::with_poses;
