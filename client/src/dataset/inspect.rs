@@ -134,6 +134,12 @@ pub struct DepthSeen {
     pub far_metres: f64,
 }
 
+/// A number for people: `525`, `319.5`, `1e300`.
+pub fn shown(number: f64) -> String {
+    let written = format!("{number:?}");
+    written.strip_suffix(".0").map_or(written.clone(), str::to_owned)
+}
+
 /// Looks at every frame of a data set; calls `done` after each.
 pub fn inspect(dataset: &dyn Dataset, mut done: impl FnMut(usize)) -> Inspection {
     let mut look = Look::new(dataset);
@@ -357,6 +363,7 @@ fn lens_problem(camera: &Intrinsics) -> Option<String> {
     let Intrinsics { width, height, cx, cy, .. } = *camera;
     let off = |centre: f64, side: u32| (centre / f64::from(side) - 0.5).abs() > FARTHEST_CENTRE;
     (off(cx, width) || off(cy, height)).then(|| {
+        let (cx, cy) = (shown(cx), shown(cy));
         format!(
             "the principal point {cx} {cy} is far from the middle of {width}x{height} pixels: is the camera \
              that of pictures of this size?"

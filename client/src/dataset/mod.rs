@@ -47,7 +47,7 @@ pub use frame::{
     Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, FrameExtras,
     FrameRate, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
-pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect};
+pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect, shown};
 pub use layer::Layer;
 pub(crate) use name::{is_map_name, of as name_of};
 pub(crate) use natural::natural_order;

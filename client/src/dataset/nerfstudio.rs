@@ -10,7 +10,7 @@
 use super::error::DatasetError;
 use super::files::{self, Size};
 use super::frame::{
-    Camera, Cameras, DepthCamera, Distortion, FrameExtras, Intrinsics, counted_nanos,
+    Camera, Cameras, DepthCamera, Distortion, FrameExtras, FrameRate, Intrinsics, counted_nanos,
 };
 use super::layer::Layer;
 use super::name;
@@ -126,6 +126,13 @@ impl Nerfstudio {
         let recording =
             Recording { name, cameras, depth_unit_metres, shots, pictures, skipped, notes };
         Ok(Self { recording })
+    }
+
+    /// The same frames at other times: the layout has none.
+    #[must_use]
+    pub fn at_rate(mut self, rate: FrameRate) -> Self {
+        self.recording.count_times(rate);
+        self
     }
 }
 

@@ -131,6 +131,26 @@ fn a_robot_is_put_together() {
 }
 
 #[test]
+fn one_calibration_of_both_pictures_is_told_of_once() {
+    let mut survey = Survey::default();
+    pictures(&mut survey, "/cam/rgb", raw("rgb8", "color", BIG));
+    pictures(&mut survey, "/cam/depth", raw("16UC1", "color", BIG));
+    info(&mut survey, "/cam/camera_info", "color", (128, 96), 100.0);
+    let rig = Rig::of(&survey, &Wanted::default()).unwrap();
+    let told = rig.notes().iter().filter(|note| note.contains("is scaled to 64x48"));
+    assert_eq!(told.count(), 1, "{:?}", rig.notes());
+}
+
+#[test]
+fn a_frame_that_is_not_there_is_refused_although_transforms_need_none() {
+    let error = Rig::of(&robot(), &wanted("pose_frame=nope")).unwrap_err().to_string();
+    let expected =
+        "pose_frame=nope: expected the camera's frame or one above it (color, link, base, odom)";
+    assert_eq!(error, expected);
+    Rig::of(&robot(), &wanted("pose_frame=base")).expect("negative control");
+}
+
+#[test]
 fn later_messages_move_the_robot_on() {
     let mut rig = Rig::of(&robot(), &Wanted::default()).unwrap();
     let later = vec![transform("odom", "base", 5 * SECOND / 2, at(7.0))];
