@@ -42,6 +42,13 @@ fn pose(change: impl Fn(Isometry3<f64>) -> Isometry3<f64> + 'static) -> Box<dyn 
     })
 }
 
+/// A range of depth in which no room is.
+fn out_of_range(message: &mut Message) {
+    if let Message::Open(open) = message {
+        (open.min_depth_metres, open.max_depth_metres) = (50.0, 60.0);
+    }
+}
+
 /// Depth as a camera beside the color camera sees it.
 fn unregistered(robot: &Robot) -> Box<dyn Fn(&mut Message) + '_> {
     Box::new(|message| {
@@ -89,6 +96,7 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
         ("inverted", pose(|pose| pose.inverse()), Some(InputProblem::InvertedPoses)),
         ("opengl", pose(move |pose| pose * half_turn), Some(InputProblem::CameraAxes)),
         ("aside", unregistered(&robot), Some(InputProblem::UnregisteredDepth)),
+        ("out-of-range", Box::new(out_of_range), Some(InputProblem::NoDepth)),
     ];
     let server = Server::start(tiny_config()).await;
     for (map, change, expected) in &mistakes {
@@ -117,6 +125,7 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
             InputProblem::UnregisteredDepth => "unregistered_depth",
             InputProblem::RepeatedDepth => "repeated_depth",
             InputProblem::BadBeginning => "bad_beginning",
+            InputProblem::NoDepth => "no_depth",
             InputProblem::Unspecified => unreachable!("no test expects it"),
         });
         assert_eq!(told, Vec::from_iter(name), "{map}: other maps' mistakes are not its own");
