@@ -42,11 +42,15 @@ fn pose(change: impl Fn(Isometry3<f64>) -> Isometry3<f64> + 'static) -> Box<dyn 
     })
 }
 
-/// A range of depth in which no room is.
-fn out_of_range(message: &mut Message) {
-    if let Message::Open(open) = message {
-        (open.min_depth_metres, open.max_depth_metres) = (50.0, 60.0);
-    }
+/// A depth camera that sends zeros.
+fn without_depth(robot: &Robot) -> Box<dyn Fn(&mut Message)> {
+    let bytes = robot.camera.width * robot.camera.height * 4;
+    Box::new(move |message| {
+        if let Message::Frame(frame) = message {
+            frame.depth_format = v1::DepthFormat::F32Metres.into();
+            frame.depth = vec![0; bytes as usize].into();
+        }
+    })
 }
 
 /// Depth as a camera beside the color camera sees it.
@@ -96,7 +100,7 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
         ("inverted", pose(|pose| pose.inverse()), Some(InputProblem::InvertedPoses)),
         ("opengl", pose(move |pose| pose * half_turn), Some(InputProblem::CameraAxes)),
         ("aside", unregistered(&robot), Some(InputProblem::UnregisteredDepth)),
-        ("out-of-range", Box::new(out_of_range), Some(InputProblem::NoDepth)),
+        ("no-depth", without_depth(&robot), Some(InputProblem::NoDepth)),
     ];
     let server = Server::start(tiny_config()).await;
     for (map, change, expected) in &mistakes {

@@ -262,8 +262,9 @@ async fn a_bridge_that_cannot_work_says_why() {
     let (_, line) = issue("robot", &[Scope::Write], "m", None).expect("a token");
     config.access.entries = vec![line];
     let server = Server::start(config).await;
-    let asked = bridge(&options(&address, &server.grpc, "m"), pending(), |_| {});
-    let error = timeout(AT_MOST, asked).await.expect("it ends").expect_err("nobody is known");
+    let options = options(&address, &server.grpc, "m");
+    let ended = timeout(AT_MOST, bridge(&options, pending(), |_| {})).await;
+    let error = ended.expect("it ends").expect_err("nobody is known");
     assert!(matches!(error, BridgeError::Server(ClientError::Refused { .. })), "{error}");
     assert!(error.to_string().contains("asks who is calling"), "{error}");
     server.stop().await;

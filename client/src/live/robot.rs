@@ -74,7 +74,7 @@ pub(super) async fn receive(
                     reason = session.run() => reason,
                     _ = ends.wait_for(|end| *end) => {
                         let _ = timeout(GOODBYE, session.socket.close(None)).await;
-                        last = session.missing.unwrap_or_else(|| "it sent no picture".into());
+                        last = session.missing.unwrap_or_else(|| board.progress().missing());
                         break;
                     }
                 };
@@ -290,6 +290,7 @@ impl<'a> Session<'a> {
     async fn choose(&mut self) -> Result<(), String> {
         match self.intake.choose(self.map) {
             Ok((spec, notes)) => {
+                self.missing = None;
                 notes.into_iter().for_each(|note| self.board.tell(note));
                 let passed = self.out.send(Passed::Map(Box::new(spec))).await;
                 passed.map_err(|_| "the bridge ends".to_owned())?;

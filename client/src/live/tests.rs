@@ -223,6 +223,22 @@ fn a_picture_waits_for_its_pose() {
 }
 
 #[test]
+fn what_was_missing_is_told_by_the_counts() {
+    let none = BridgeProgress::default();
+    assert_eq!(none.missing(), "it sent no pictures");
+    let mut robot = running(Some(Poses::Estimate), false);
+    robot.color(100);
+    assert_eq!(robot.counts.missing(), "no depth came with 1 color pictures");
+    let mut robot = running(None, true);
+    for milliseconds in [2000, 3100] {
+        robot.color(milliseconds);
+        robot.depth(milliseconds);
+    }
+    robot.frames();
+    assert_eq!(robot.counts.missing(), "1 frames had no pose");
+}
+
+#[test]
 fn damaged_messages_are_counted() {
     let mut robot = running(Some(Poses::Estimate), false);
     let decoder = Decoder::of("json", "foxglove.RawImage").unwrap();

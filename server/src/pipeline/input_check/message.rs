@@ -75,7 +75,7 @@ pub(super) fn of_size(metres: f32) -> InputWarning {
 pub(super) fn of_no_depth(frames: usize) -> InputWarning {
     let message = format!(
         "None of the first {frames} frames has any depth: nothing can be mapped. Check that the depth camera \
-         sends, depth_unit_metres, and what counts as depth (min_depth_metres, max_depth_metres, no_depth)."
+         sends, and which values mean no measurement (no_depth)."
     );
     InputWarning { problem: InputProblem::NoDepth, message }
 }
