@@ -1,9 +1,7 @@
 //! A live robot, served by an outside library, is mapped: with a robot that goes away, and a server that
 //! does.
 
-use lexsplat_client::Access;
 use lexsplat_client::live::{BridgeError, BridgeEvent, BridgeOptions, BridgeProgress, bridge};
-use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::ClientError;
 use lexsplat_server::access::{Scope, issue};
 use lexsplat_synthetic as synthetic;
@@ -98,18 +96,6 @@ async fn proxy(listener: TcpListener, target: String, mut cuts: watch::Receiver<
     }
 }
 
-fn options(robot: &str, grpc: &str, map: &str) -> BridgeOptions {
-    BridgeOptions {
-        robot: robot.into(),
-        grpc: grpc.into(),
-        access: Access::default(),
-        map: map.into(),
-        poses: None,
-        wanted: Wanted::default(),
-        frames: None,
-    }
-}
-
 /// The worst distance in metres and radians between two paths.
 fn apart(found: &[Isometry3<f64>], truth: &[Isometry3<f64>]) -> [f64; 2] {
     let differences = found.iter().zip(truth).map(|(found, truth)| found.inverse() * truth);
@@ -159,7 +145,7 @@ async fn a_live_robot_is_mapped_although_it_and_the_server_go_away() {
     let between = tokio::spawn(proxy(listener, server.grpc.clone(), cuts));
 
     let live = Live::start(folder.path(), "realsense", CUT);
-    let options = options(&live.address, &grpc, "live");
+    let options = BridgeOptions::new(&live.address, &grpc, "live");
     let told = Mutex::new(Vec::new());
     let tell = |event: BridgeEvent| match event {
         BridgeEvent::Told(what) => told.lock().expect("nothing panics").push(what),
@@ -208,7 +194,7 @@ async fn cameras_of_other_makers_are_mapped() {
         ("oak", ["depth is registered to color", "in odom (/odom)", "left aside: /oak/left"]),
     ] {
         let live = Live::start(folder.path(), device, FRAMES);
-        let options = options(&live.address, &server.grpc, device);
+        let options = BridgeOptions::new(&live.address, &server.grpc, device);
         let told = Mutex::new(String::new());
         let tell = |event| {
             if let BridgeEvent::Told(what) = event {
@@ -247,13 +233,17 @@ async fn a_bridge_that_cannot_work_says_why() {
     };
     // A robot that is not there may come.
     let wait = || tokio::time::sleep(Duration::from_millis(1200));
-    let error = bridge(&options(&address, &address, "m"), wait(), tell).await.expect_err("nobody");
+    let error = bridge(&BridgeOptions::new(&address, &address, "m"), wait(), tell)
+        .await
+        .expect_err("nobody");
     assert!(matches!(error, BridgeError::NoFrames { .. }), "{error}");
     let found = told.lock().expect("nothing panics").join("\n");
     assert!(found.contains("cannot connect to ws://127.0.0.1:"), "{found}");
     assert!(found.contains("trying again in 1.0 s"), "the waits grow: {found}");
     for wrong in ["ftp://robot:8765", "ws://", "ws://a b"] {
-        let error = bridge(&options(wrong, &address, "m"), wait(), tell).await.expect_err("wrong");
+        let error = bridge(&BridgeOptions::new(wrong, &address, "m"), wait(), tell)
+            .await
+            .expect_err("wrong");
         assert!(matches!(error, BridgeError::Address { .. }), "{wrong}: {error}");
         assert!(error.to_string().contains("expected ws://HOST:PORT"), "{error}");
     }
@@ -262,7 +252,7 @@ async fn a_bridge_that_cannot_work_says_why() {
     let (_, line) = issue("robot", &[Scope::Write], "m", None).expect("a token");
     config.access.entries = vec![line];
     let server = Server::start(config).await;
-    let options = options(&address, &server.grpc, "m");
+    let options = BridgeOptions::new(&address, &server.grpc, "m");
     let ended = timeout(AT_MOST, bridge(&options, pending(), |_| {})).await;
     let error = ended.expect("it ends").expect_err("nobody is known");
     assert!(matches!(error, BridgeError::Server(ClientError::Refused { .. })), "{error}");

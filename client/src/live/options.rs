@@ -24,6 +24,21 @@ pub struct BridgeOptions {
     pub frames: Option<u64>,
 }
 
+impl BridgeOptions {
+    /// A bridge that chooses everything by what the robot sends, to a server that asks nobody who is calling.
+    pub fn new(robot: &str, grpc: &str, map: &str) -> Self {
+        Self {
+            robot: robot.into(),
+            grpc: grpc.into(),
+            access: Access::default(),
+            map: map.into(),
+            poses: None,
+            wanted: Wanted::default(),
+            frames: None,
+        }
+    }
+}
+
 /// Why a bridge cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {

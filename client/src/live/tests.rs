@@ -5,7 +5,6 @@ use super::bridge::bridge;
 use super::intake::{Arrived, Intake};
 use super::options::{BridgeError, BridgeOptions};
 use super::protocol::{Channel, Data, Said, data, said, subscribe, unsubscribe};
-use crate::access::Access;
 use crate::dataset::RgbdFrame;
 use crate::messages::Decoder;
 use crate::rig::Wanted;
@@ -262,21 +261,9 @@ fn damaged_messages_are_counted() {
 /// An address at which nothing listens.
 const NOWHERE: &str = "127.0.0.1:1";
 
-fn options(robot: &str, map: &str, grpc: &str) -> BridgeOptions {
-    BridgeOptions {
-        robot: robot.into(),
-        grpc: grpc.into(),
-        access: Access::default(),
-        map: map.into(),
-        poses: None,
-        wanted: Wanted::default(),
-        frames: None,
-    }
-}
-
 /// A bridge from a port to a server that is not there, and what it told.
 async fn bridged(port: &str, seconds: f64) -> (Result<BridgeProgress, BridgeError>, String) {
-    let options = options(port, "kitchen", NOWHERE);
+    let options = BridgeOptions::new(port, NOWHERE, "kitchen");
     let told = Mutex::new(String::new());
     let tell = |event| {
         if let BridgeEvent::Told(what) = event {
@@ -349,7 +336,7 @@ async fn wrong_names_and_addresses_end_the_bridge_at_once() {
         (".hidden", NOWHERE, "map: expected"),
         ("kitchen", "nowhere", "grpc: expected HOST:PORT"),
     ] {
-        let error = bridge(&options(NOWHERE, map, grpc), pending(), |_| {}).await;
+        let error = bridge(&BridgeOptions::new(NOWHERE, grpc, map), pending(), |_| {}).await;
         let error = error.unwrap_err().to_string();
         assert!(error.starts_with(expected), "{error}");
     }
