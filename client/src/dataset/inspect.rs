@@ -6,6 +6,7 @@ use super::frame::{
     RgbdFrame,
 };
 use super::source::Dataset;
+use super::text::shown;
 use serde::Serialize;
 
 /// Problems of one kind that are listed one by one.
@@ -132,12 +133,6 @@ pub struct DepthSeen {
     pub median_metres: f64,
     /// A hundredth of the measurements is farther, metres.
     pub far_metres: f64,
-}
-
-/// A number for people: `525`, `319.5`, `1e300`.
-pub fn shown(number: f64) -> String {
-    let written = format!("{number:?}");
-    written.strip_suffix(".0").map_or(written.clone(), str::to_owned)
 }
 
 /// Looks at every frame of a data set; calls `done` after each.

@@ -47,7 +47,7 @@ pub use frame::{
     Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, FrameExtras,
     FrameRate, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
-pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect, shown};
+pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect};
 pub use layer::Layer;
 pub(crate) use name::{is_map_name, of as name_of};
 pub(crate) use natural::natural_order;
@@ -60,5 +60,6 @@ pub use replica::Replica;
 pub use scannet::ScanNet;
 pub use seven_scenes::SevenScenes;
 pub use source::Dataset;
+pub use text::shown;
 pub use truth::{Instance, Mask, Truth};
 pub use tum::Tum;
