@@ -42,6 +42,17 @@ fn pose(change: impl Fn(Isometry3<f64>) -> Isometry3<f64> + 'static) -> Box<dyn 
     })
 }
 
+/// A depth camera that sends zeros.
+fn without_depth(robot: &Robot) -> Box<dyn Fn(&mut Message)> {
+    let bytes = robot.camera.width * robot.camera.height * 4;
+    Box::new(move |message| {
+        if let Message::Frame(frame) = message {
+            frame.depth_format = v1::DepthFormat::F32Metres.into();
+            frame.depth = vec![0; bytes as usize].into();
+        }
+    })
+}
+
 /// Depth as a camera beside the color camera sees it.
 fn unregistered(robot: &Robot) -> Box<dyn Fn(&mut Message) + '_> {
     Box::new(|message| {
@@ -89,6 +100,7 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
         ("inverted", pose(|pose| pose.inverse()), Some(InputProblem::InvertedPoses)),
         ("opengl", pose(move |pose| pose * half_turn), Some(InputProblem::CameraAxes)),
         ("aside", unregistered(&robot), Some(InputProblem::UnregisteredDepth)),
+        ("no-depth", without_depth(&robot), Some(InputProblem::NoDepth)),
     ];
     let server = Server::start(tiny_config()).await;
     for (map, change, expected) in &mistakes {
@@ -117,6 +129,7 @@ async fn a_mistake_is_told_once_and_the_frames_are_mapped() {
             InputProblem::UnregisteredDepth => "unregistered_depth",
             InputProblem::RepeatedDepth => "repeated_depth",
             InputProblem::BadBeginning => "bad_beginning",
+            InputProblem::NoDepth => "no_depth",
             InputProblem::Unspecified => unreachable!("no test expects it"),
         });
         assert_eq!(told, Vec::from_iter(name), "{map}: other maps' mistakes are not its own");

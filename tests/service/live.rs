@@ -1,16 +1,16 @@
 //! A live robot, served by an outside library, is mapped: with a robot that goes away, and a server that
 //! does.
 
-use lexsplat_client::Access;
 use lexsplat_client::live::{BridgeError, BridgeEvent, BridgeOptions, BridgeProgress, bridge};
-use lexsplat_client::rig::Wanted;
-use lexsplat_client::stream::Poses;
+use lexsplat_client::stream::ClientError;
+use lexsplat_server::access::{Scope, issue};
 use lexsplat_synthetic as synthetic;
-use lexsplat_tests::{Robot, Server, root, tiny_config};
+use lexsplat_tests::{Robot, Server, python, tiny_config};
 use nalgebra::Isometry3;
+use std::future::pending;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::Mutex;
 use std::time::Duration;
 use tokio::io::copy_bidirectional;
@@ -38,9 +38,7 @@ struct Live {
 impl Live {
     /// Simulates a camera's driver; goes away for a second at frame `cut`.
     fn start(room: &Path, device: &str, cut: usize) -> Self {
-        let mut process = Command::new("python3")
-            .env("PYTHONPATH", root().join(".deps/bags"))
-            .arg(root().join("tests/outside/live.py"))
+        let mut process = python("tests/outside/live.py", &["bags"])
             .arg(room)
             .arg(device)
             .arg(cut.to_string())
@@ -98,18 +96,6 @@ async fn proxy(listener: TcpListener, target: String, mut cuts: watch::Receiver<
     }
 }
 
-fn options(robot: &str, grpc: &str, map: &str) -> BridgeOptions {
-    BridgeOptions {
-        robot: robot.into(),
-        grpc: grpc.into(),
-        access: Access::default(),
-        map: map.into(),
-        poses: None,
-        wanted: Wanted::default(),
-        frames: None,
-    }
-}
-
 /// The worst distance in metres and radians between two paths.
 fn apart(found: &[Isometry3<f64>], truth: &[Isometry3<f64>]) -> [f64; 2] {
     let differences = found.iter().zip(truth).map(|(found, truth)| found.inverse() * truth);
@@ -159,7 +145,7 @@ async fn a_live_robot_is_mapped_although_it_and_the_server_go_away() {
     let between = tokio::spawn(proxy(listener, server.grpc.clone(), cuts));
 
     let live = Live::start(folder.path(), "realsense", CUT);
-    let options = options(&live.address, &grpc, "live");
+    let options = BridgeOptions::new(&live.address, &grpc, "live");
     let told = Mutex::new(Vec::new());
     let tell = |event: BridgeEvent| match event {
         BridgeEvent::Told(what) => told.lock().expect("nothing panics").push(what),
@@ -208,7 +194,7 @@ async fn cameras_of_other_makers_are_mapped() {
         ("oak", ["depth is registered to color", "in odom (/odom)", "left aside: /oak/left"]),
     ] {
         let live = Live::start(folder.path(), device, FRAMES);
-        let options = options(&live.address, &server.grpc, device);
+        let options = BridgeOptions::new(&live.address, &server.grpc, device);
         let told = Mutex::new(String::new());
         let tell = |event| {
             if let BridgeEvent::Told(what) = event {
@@ -247,16 +233,29 @@ async fn a_bridge_that_cannot_work_says_why() {
     };
     // A robot that is not there may come.
     let wait = || tokio::time::sleep(Duration::from_millis(1200));
-    let counts = bridge(&options(&address, &address, "m"), wait(), tell).await.expect("it waits");
-    assert_eq!(counts, BridgeProgress::default());
+    let error = bridge(&BridgeOptions::new(&address, &address, "m"), wait(), tell)
+        .await
+        .expect_err("nobody");
+    assert!(matches!(error, BridgeError::NoFrames { .. }), "{error}");
     let found = told.lock().expect("nothing panics").join("\n");
     assert!(found.contains("cannot connect to ws://127.0.0.1:"), "{found}");
     assert!(found.contains("trying again in 1.0 s"), "the waits grow: {found}");
     for wrong in ["ftp://robot:8765", "ws://", "ws://a b"] {
-        let error = bridge(&options(wrong, &address, "m"), wait(), tell).await.expect_err("wrong");
+        let error = bridge(&BridgeOptions::new(wrong, &address, "m"), wait(), tell)
+            .await
+            .expect_err("wrong");
         assert!(matches!(error, BridgeError::Address { .. }), "{wrong}: {error}");
         assert!(error.to_string().contains("expected ws://HOST:PORT"), "{error}");
     }
-    let poses = BridgeOptions { poses: Some(Poses::Given), ..options(&address, &address, "m") };
-    assert_eq!(bridge(&poses, wait(), tell).await.expect("it waits").robot_connections, 0);
+    // A server that does not know who is calling says so before any robot is there.
+    let mut config = tiny_config();
+    let (_, line) = issue("robot", &[Scope::Write], "m", None).expect("a token");
+    config.access.entries = vec![line];
+    let server = Server::start(config).await;
+    let options = BridgeOptions::new(&address, &server.grpc, "m");
+    let ended = timeout(AT_MOST, bridge(&options, pending(), |_| {})).await;
+    let error = ended.expect("it ends").expect_err("nobody is known");
+    assert!(matches!(error, BridgeError::Server(ClientError::Refused { .. })), "{error}");
+    assert!(error.to_string().contains("asks who is calling"), "{error}");
+    server.stop().await;
 }

@@ -2,8 +2,7 @@
 
 use lexsplat_server::access::{Scope, issue};
 use lexsplat_synthetic as synthetic;
-use lexsplat_tests::{Robot, Server, root, tiny_config};
-use std::process::Command;
+use lexsplat_tests::{Robot, Server, python, said, tiny_config};
 
 /// The example with a token, and without one.
 #[tokio::test(flavor = "multi_thread")]
@@ -21,9 +20,8 @@ async fn python_says_who_it_is() {
         (Some(&*token), "other", "may not use the map"),
         (None, "asked", "asks who is calling"),
     ] {
-        let mut robot = Command::new("python3");
-        robot.env("PYTHONPATH", root().join(".deps/python")).env_remove("LEXSPLAT_TOKEN");
-        robot.arg(root().join("client/examples/robot.py")).arg(folder.path());
+        let mut robot = python("client/examples/robot.py", &["python"]);
+        robot.env_remove("LEXSPLAT_TOKEN").arg(folder.path());
         robot.args(["--server", &server.grpc, "--map", map]);
         robot.args(token.iter().flat_map(|token| ["--token", token]));
         let output = robot.output().expect("python3 runs");
@@ -46,18 +44,10 @@ async fn python_streams_and_a_heat_map_comes_back_as_npy() {
     for (map, options, tracked) in
         [("outside", &[][..], "12 frames tracked"), ("labelled", &labels, "2 frames tracked")]
     {
-        let robot = Command::new("python3")
-            .env("PYTHONPATH", root().join(".deps/python"))
-            .arg(root().join("client/examples/robot.py"))
-            .arg(folder.path())
-            .args(["--server", &server.grpc, "--map", map])
-            .args(options)
-            .output()
-            .expect("python3 runs");
-        let said = String::from_utf8_lossy(&robot.stdout);
-        let complained = String::from_utf8_lossy(&robot.stderr);
-        assert!(robot.status.success(), "{said}{complained} (make deps installs what it needs)");
-        assert!(said.contains(tracked) && !said.contains("refused"), "{said}{complained}");
+        let mut robot = python("client/examples/robot.py", &["python"]);
+        robot.arg(folder.path()).args(["--server", &server.grpc, "--map", map]).args(options);
+        let said = said(&mut robot);
+        assert!(said.contains(tracked) && !said.contains("refused"), "{said}");
         server.settled(map).await;
     }
 
@@ -118,15 +108,9 @@ async fn another_library_reads_a_recording() {
     let robot = Robot::new(7, 3);
     server.stream(&robot, "recorded").await;
     server.stop().await;
-    let read = Command::new("python3")
-        .env("PYTHONPATH", root().join(".deps/mcap"))
-        .arg(root().join("tests/outside/recording.py"))
-        .arg(folder.path().join("recorded.map/0001.mcap"))
-        .output()
-        .expect("python3 runs");
-    let complained = String::from_utf8_lossy(&read.stderr);
-    assert!(read.status.success(), "{complained} (make test installs what it needs)");
-    let found: serde_json::Value = serde_json::from_slice(&read.stdout).expect("JSON");
+    let mut reader = python("tests/outside/recording.py", &["mcap"]);
+    let said = said(reader.arg(folder.path().join("recorded.map/0001.mcap")));
+    let found: serde_json::Value = serde_json::from_str(&said).expect("JSON");
     for (topic, schema, messages) in [
         ("/camera/calibration", "foxglove.CameraCalibration", 1),
         ("/camera/color", "foxglove.CompressedImage", 3),

@@ -6,10 +6,9 @@ use lexsplat_client::dataset::{Dataset, DatasetError, DepthCamera, Distortion, i
 use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::{Encoder, Poses, StreamOptions, stream};
 use lexsplat_synthetic as synthetic;
-use lexsplat_tests::{Robot, Server, root, tiny_config};
+use lexsplat_tests::{Robot, Server, python, said, tiny_config};
 use nalgebra::{Isometry3, Vector3};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 
 const FRAMES: usize = 16;
@@ -32,15 +31,7 @@ const RECORDINGS: [(&str, &str, bool); 5] = [
 ];
 
 fn write(room: &Path, out: &Path, kind: &str) {
-    let written = Command::new("python3")
-        .env("PYTHONPATH", root().join(".deps/bags"))
-        .arg(root().join("tests/outside/bags.py"))
-        .args([room, out])
-        .arg(kind)
-        .output()
-        .expect("python3 runs");
-    let complained = String::from_utf8_lossy(&written.stderr);
-    assert!(written.status.success(), "{kind}: {complained} (make test installs what it needs)");
+    said(python("tests/outside/bags.py", &["bags"]).args([room, out]).arg(kind));
 }
 
 fn open(path: &Path, is_bag: bool, wanted: &str) -> Result<Box<dyn Dataset>, DatasetError> {

@@ -2,11 +2,10 @@
 
 use lexsplat_proto::v1::{self, FrameStatus, frame_message::Message};
 use lexsplat_server::config::Config;
-use lexsplat_tests::{Robot, Server, root, tiny_config};
+use lexsplat_tests::{Robot, Server, python, said, tiny_config};
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3, Vector3};
 use serde_json::Value;
 use std::path::Path;
-use std::process::Command;
 use tonic::Code;
 
 /// Up in the room.
@@ -64,30 +63,17 @@ async fn files_of_a_tilted_map_stand_upright() {
     // Negative control: the cameras look down, so their upper sides would mislead.
     let guess: Vector3<f64> = robot.poses.iter().map(|pose| -(pose.rotation * Vector3::y())).sum();
     assert!(guess.angle(&truth).to_degrees() > 5.0, "{}", guess.angle(&truth).to_degrees());
-    for (file, format) in [
+    let files = [
         ("map.ply", "splats.ply"),
         ("z.ply", "splats.ply?up=z"),
         ("y.spz", "splats.spz?up=y"),
         ("y.glb", "splats.glb"),
         ("minus_y.ply", "mesh.ply?up=-y&voxel=0.05"),
         ("z.tum", "trajectory.tum?up=z"),
-    ] {
-        let url = server.url(&format!("/v1/maps/upright/export/{format}"));
-        let reply = reqwest::get(url).await.expect("it answers");
-        assert!(reply.status().is_success(), "{file}: {}", reply.text().await.unwrap_or_default());
-        let bytes = reply.bytes().await.expect("with bytes");
-        std::fs::write(folder.path().join(file), bytes).expect("it can be written");
-    }
-    let readers = std::env::join_paths([root().join(".deps/readers"), root().join(".deps/gsply")]);
-    let reader = Command::new("python3")
-        .env("PYTHONPATH", readers.expect("paths without colons"))
-        .arg(root().join("tests/outside/upright.py"))
-        .arg(folder.path())
-        .output()
-        .expect("python3 runs");
-    let said = String::from_utf8_lossy(&reader.stdout);
-    let complained = String::from_utf8_lossy(&reader.stderr);
-    assert!(reader.status.success(), "{said}{complained}");
+    ];
+    server.export("upright", folder.path(), &files).await;
+    let mut reader = python("tests/outside/upright.py", &["readers", "gsply"]);
+    let said = said(reader.arg(folder.path()));
     println!("{off:.2} degrees off\n{said}");
 
     let before = status(&server, "upright").await;

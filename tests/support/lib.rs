@@ -1,14 +1,17 @@
 //! What the integration tests share: a server in this process with real listeners, a robot in a
-//! synthetic room, and what is true of that room; and bundles of networks that are made on the spot.
+//! synthetic room, and what is true of that room; bundles of networks that are made on the spot; and Python with the
+//! libraries of others.
 
 mod authority;
 pub mod bundle;
 pub mod onnx;
+mod outside;
 mod process;
 mod robot;
 mod server;
 
 pub use authority::{Authority, Certified};
+pub use outside::{python, said};
 pub use process::{ServerProcess, program};
 pub use robot::{Robot, raw};
 pub use server::{Server, first_error, tiny_config};

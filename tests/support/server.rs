@@ -7,6 +7,7 @@ use lexsplat_server::config::Config;
 use lexsplat_server::pipeline::engine::Engine;
 use lexsplat_server::pipeline::query::{Outputs, Query, SpatialFilter, View};
 use lexsplat_server::pipeline::snapshot::MapSnapshot;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
@@ -114,6 +115,18 @@ impl Server {
             assert!(since.elapsed() < SETTLE, "not settled: {:?}", map.status());
             assert!(map.status().failure.is_none(), "failed: {:?}", map.status());
             tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
+    /// Writes files of a map into a folder: each name, and the file as its URL has it.
+    pub async fn export(&self, map: &str, folder: &Path, files: &[(&str, &str)]) {
+        for (name, file) in files {
+            let url = self.url(&format!("/v1/maps/{map}/export/{file}"));
+            let reply = reqwest::get(url).await.expect("it answers");
+            let is_there = reply.status().is_success();
+            let bytes = reply.bytes().await.expect("with bytes");
+            assert!(is_there, "{file}: {}", String::from_utf8_lossy(&bytes));
+            std::fs::write(folder.join(name), bytes).expect("it can be written");
         }
     }
 

@@ -3,8 +3,8 @@
 use crate::files::plain;
 use lexsplat_client::bags;
 use lexsplat_client::dataset::{
-    Dataset, DatasetError, Distortion, Folder, FrameRange, Nerfstudio, R3d, Replica, ScanNet,
-    SevenScenes, Tum, with_poses,
+    Dataset, DatasetError, Distortion, Folder, FrameRange, FrameRate, Nerfstudio, R3d, Replica,
+    ScanNet, SevenScenes, Tum, with_poses,
 };
 use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::Poses;
@@ -17,18 +17,18 @@ use std::str::FromStr;
 const DEFAULT_SEED: u64 = 7;
 
 /// Which data set: `replica:PATH`, `tum:PATH`, `7scenes:PATH`, `nerfstudio:PATH`, `folder:PATH`, `mcap:PATH`,
-/// `rosbag2:PATH`, `r3d:FILE`, `scannet:FILE`, `synthetic` or `synthetic:SEED`. Behind the path of `mcap` and
-/// `rosbag2` may be options: `mcap:PATH?color=/topic&depth=/topic`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// `rosbag2:PATH`, `r3d:FILE`, `scannet:FILE`, `synthetic` or `synthetic:SEED`. Behind the path may be
+/// options: `mcap:PATH?color=/topic&depth=/topic`, `replica:PATH?frames_per_second=10`.
+#[derive(Clone, Debug, PartialEq)]
 pub enum DatasetSpec {
     /// A folder in Replica layout.
-    Replica(PathBuf),
+    Replica(PathBuf, FrameRate),
     /// A folder in TUM RGB-D layout.
     Tum(PathBuf),
     /// The folder of one sequence in 7-Scenes layout.
-    SevenScenes(PathBuf),
+    SevenScenes(PathBuf, FrameRate),
     /// A folder in nerfstudio layout, with depth.
-    Nerfstudio(PathBuf),
+    Nerfstudio(PathBuf, FrameRate),
     /// A folder that `recording.toml` describes.
     Folder(PathBuf),
     /// A `.r3d` file of Record3D.
@@ -90,10 +90,10 @@ impl DatasetSpec {
 
     fn all(&self, shake_radians: f64) -> Result<Box<dyn Dataset>, DatasetError> {
         Ok(match self {
-            Self::Replica(path) => Box::new(Replica::open(path)?),
+            Self::Replica(path, rate) => Box::new(Replica::open(path)?.at_rate(*rate)),
             Self::Tum(path) => Box::new(Tum::open(path)?),
-            Self::SevenScenes(path) => Box::new(SevenScenes::open(path)?),
-            Self::Nerfstudio(path) => Box::new(Nerfstudio::open(path)?),
+            Self::SevenScenes(path, rate) => Box::new(SevenScenes::open(path)?.at_rate(*rate)),
+            Self::Nerfstudio(path, rate) => Box::new(Nerfstudio::open(path)?.at_rate(*rate)),
             Self::Folder(path) => Box::new(Folder::open(path)?),
             Self::R3d(path) => Box::new(R3d::open(path)?),
             Self::ScanNet(path) => Box::new(ScanNet::open(path)?),
@@ -112,59 +112,58 @@ impl DatasetSpec {
 /// # Errors
 /// What was looked for, if it is of no known kind.
 pub fn recognised(text: &str) -> Result<DatasetSpec, String> {
-    let (path, wanted) = with_options(text).map_err(|error| error.to_string())?;
-    let is = |path: &Path, kind: &str| {
-        path.extension().is_some_and(|found| found.eq_ignore_ascii_case(kind))
-    };
-    let names = || std::fs::read_dir(&path).into_iter().flatten().flatten();
-    let has = |kind: &str| names().any(|entry| is(&entry.path(), kind));
-    if path.is_file() && is(&path, "bag") {
+    let (path, options) = with_options(text);
+    let kind = if path.is_file() { kind_of_file(&path)? } else { kind_of_folder(&path)? };
+    let spec = of_kind(kind, path, options).map_err(|error| error.to_string())?;
+    Ok(spec.expect("the kind is known"))
+}
+
+fn is(path: &Path, kind: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(kind))
+}
+
+fn kind_of_file(path: &Path) -> Result<&'static str, String> {
+    if is(path, "bag") {
         return Err(format!(
             "{}: a bag of ROS 1: convert it (pip install rosbags, rosbags-convert --src FILE --dst FOLDER)",
             path.display()
         ));
     }
-    if path.is_file() && is(&path, "mcap") {
-        Ok(DatasetSpec::Mcap(path, wanted))
-    } else if path.is_file() && is(&path, "db3") {
-        Ok(DatasetSpec::Rosbag2(path, wanted))
-    } else if path.is_file() && is(&path, "r3d") {
-        Ok(DatasetSpec::R3d(path))
-    } else if path.is_file() && is(&path, "sens") {
-        Ok(DatasetSpec::ScanNet(path))
-    } else {
-        recognised_folder(&path).or_else(|error| match &path {
-            path if path.join("metadata.yaml").is_file() || has("db3") => {
-                Ok(DatasetSpec::Rosbag2(path.clone(), wanted))
-            }
-            path if has("mcap") => Ok(DatasetSpec::Mcap(path.clone(), wanted)),
-            _ => Err(error),
-        })
-    }
+    let kinds = [("mcap", "mcap"), ("db3", "rosbag2"), ("r3d", "r3d"), ("sens", "scannet")];
+    let found = kinds.into_iter().find(|(extension, _)| is(path, extension));
+    found.map(|(_, kind)| kind).ok_or_else(|| {
+        let path = path.display();
+        format!("{path}: expected a folder, or a file of the kind .mcap, .db3, .r3d or .sens")
+    })
 }
 
-fn recognised_folder(folder: &Path) -> Result<DatasetSpec, String> {
-    let has = |name: &str| folder.join(name).is_file();
-    let is_scene = |name: &std::ffi::OsStr| {
-        name.to_str().is_some_and(|name| name.starts_with("frame-") && name.contains(".color."))
-    };
+fn kind_of_folder(folder: &Path) -> Result<&'static str, String> {
     let names = std::fs::read_dir(folder)
         .map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
-    let has_scene = names.flatten().any(|entry| is_scene(&entry.file_name()));
-    Ok(match folder.to_path_buf() {
-        path if has("recording.toml") => DatasetSpec::Folder(path),
-        path if has("transforms.json") => DatasetSpec::Nerfstudio(path),
-        path if has("rgb.txt") || has("associations.txt") => DatasetSpec::Tum(path),
-        path if folder.join("results").is_dir() => DatasetSpec::Replica(path),
-        path if has_scene => DatasetSpec::SevenScenes(path),
-        path => {
-            return Err(format!(
-                "{}: expected recording.toml (folder), transforms.json (nerfstudio), rgb.txt (tum), results/ \
-                 (replica), frame-000000.color.jpg (7scenes), metadata.yaml (rosbag2) or a file of the kind \
-                 .mcap or .db3, found none",
-                path.display()
-            ));
-        }
+    let names: Vec<PathBuf> = names.flatten().map(|entry| entry.path()).collect();
+    let has = |name: &str| folder.join(name).is_file();
+    let has_kind = |kind: &str| names.iter().any(|path| is(path, kind));
+    let is_scene = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str());
+        name.is_some_and(|name| name.starts_with("frame-") && name.contains(".color."))
+    };
+    let kinds = [
+        ("folder", has("recording.toml")),
+        ("nerfstudio", has("transforms.json")),
+        ("tum", has("rgb.txt") || has("associations.txt")),
+        ("replica", folder.join("results").is_dir()),
+        ("7scenes", names.iter().any(is_scene)),
+        ("rosbag2", has("metadata.yaml") || has_kind("db3")),
+        ("mcap", has_kind("mcap")),
+    ];
+    let found = kinds.into_iter().find(|(_, is_there)| *is_there);
+    found.map(|(kind, _)| kind).ok_or_else(|| {
+        format!(
+            "{}: expected recording.toml (folder), transforms.json (nerfstudio), rgb.txt (tum), results/ \
+             (replica), frame-000000.color.jpg (7scenes), metadata.yaml (rosbag2) or a file of the kind \
+             .mcap or .db3, found none",
+            folder.display()
+        )
     })
 }
 
@@ -176,14 +175,55 @@ fn path(text: &str) -> PathBuf {
     }
 }
 
-/// A path, and options behind a `?`.
-fn with_options(text: &str) -> Result<(PathBuf, Box<Wanted>), SpecError> {
+/// A path, and the options behind a `?`.
+fn with_options(text: &str) -> (PathBuf, &str) {
     match text.rsplit_once('?') {
         Some((before, options)) if options.contains('=') && !Path::new(text).exists() => {
-            Ok((path(before), Box::new(Wanted::parse(options).map_err(SpecError::Options)?)))
+            (path(before), options)
         }
-        _ => Ok((path(text), Box::default())),
+        _ => (path(text), ""),
     }
+}
+
+/// The data set of a kind, if it has these options.
+fn of_kind(kind: &str, path: PathBuf, options: &str) -> Result<Option<DatasetSpec>, SpecError> {
+    let wanted = || Ok(Box::new(Wanted::parse(options).map_err(SpecError::Options)?));
+    let rate = || rate(options).map_err(SpecError::Options);
+    let plain = match kind {
+        "replica" => return Ok(Some(DatasetSpec::Replica(path, rate()?))),
+        "7scenes" => return Ok(Some(DatasetSpec::SevenScenes(path, rate()?))),
+        "nerfstudio" => return Ok(Some(DatasetSpec::Nerfstudio(path, rate()?))),
+        "mcap" => return Ok(Some(DatasetSpec::Mcap(path, wanted()?))),
+        "rosbag2" => return Ok(Some(DatasetSpec::Rosbag2(path, wanted()?))),
+        "tum" => DatasetSpec::Tum(path),
+        "folder" => DatasetSpec::Folder(path),
+        "r3d" => DatasetSpec::R3d(path),
+        "scannet" => DatasetSpec::ScanNet(path),
+        _ => return Ok(None),
+    };
+    match options {
+        "" => Ok(Some(plain)),
+        _ => Err(SpecError::Options(format!("expected no options of {kind}, found {options:?}"))),
+    }
+}
+
+/// How many frames a second a data set without times has.
+const RATE: &str = "frames_per_second";
+
+fn rate(options: &str) -> Result<FrameRate, String> {
+    let mut rate = FrameRate::default();
+    for option in options.split('&').filter(|option| !option.is_empty()) {
+        rate = match option.split_once('=') {
+            Some((RATE, value)) => {
+                let number = value.parse::<f64>();
+                number
+                    .map_err(|_| format!("{RATE}: expected a number, found {value:?}"))?
+                    .try_into()?
+            }
+            _ => return Err(format!("expected one of {RATE}, found {option:?}")),
+        };
+    }
+    Ok(rate)
 }
 
 /// Says on standard error what was assumed when a data set was opened, what was left out, and what the
@@ -214,24 +254,15 @@ impl FromStr for DatasetSpec {
             None => (text, None),
         };
         match (kind, rest) {
-            ("replica", Some(text)) => Ok(Self::Replica(path(text))),
-            ("tum", Some(text)) => Ok(Self::Tum(path(text))),
-            ("7scenes", Some(text)) => Ok(Self::SevenScenes(path(text))),
-            ("nerfstudio", Some(text)) => Ok(Self::Nerfstudio(path(text))),
-            ("folder", Some(text)) => Ok(Self::Folder(path(text))),
-            ("r3d", Some(text)) => Ok(Self::R3d(path(text))),
-            ("scannet", Some(text)) => Ok(Self::ScanNet(path(text))),
             ("synthetic", None) => Ok(Self::Synthetic { seed: DEFAULT_SEED }),
             ("synthetic", Some(seed)) => {
                 Ok(Self::Synthetic { seed: seed.parse().map_err(|_| unknown())? })
             }
-            ("mcap", Some(text)) => {
-                with_options(text).map(|(path, wanted)| Self::Mcap(path, wanted))
+            (_, None) => Err(unknown()),
+            (kind, Some(text)) => {
+                let (path, options) = with_options(text);
+                of_kind(kind, path, options)?.ok_or_else(unknown)
             }
-            ("rosbag2", Some(text)) => {
-                with_options(text).map(|(path, wanted)| Self::Rosbag2(path, wanted))
-            }
-            _ => Err(unknown()),
         }
     }
 }
@@ -239,10 +270,10 @@ impl FromStr for DatasetSpec {
 impl fmt::Display for DatasetSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Replica(path) => write!(f, "replica:{}", path.display()),
+            Self::Replica(path, rate) => timed(f, "replica", path, *rate),
             Self::Tum(path) => write!(f, "tum:{}", path.display()),
-            Self::SevenScenes(path) => write!(f, "7scenes:{}", path.display()),
-            Self::Nerfstudio(path) => write!(f, "nerfstudio:{}", path.display()),
+            Self::SevenScenes(path, rate) => timed(f, "7scenes", path, *rate),
+            Self::Nerfstudio(path, rate) => timed(f, "nerfstudio", path, *rate),
             Self::Folder(path) => write!(f, "folder:{}", path.display()),
             Self::R3d(path) => write!(f, "r3d:{}", path.display()),
             Self::ScanNet(path) => write!(f, "scannet:{}", path.display()),
@@ -251,6 +282,11 @@ impl fmt::Display for DatasetSpec {
             Self::Synthetic { seed } => write!(f, "synthetic:{seed}"),
         }
     }
+}
+
+fn timed(f: &mut fmt::Formatter<'_>, kind: &str, path: &Path, rate: FrameRate) -> fmt::Result {
+    write!(f, "{kind}:{}", path.display())?;
+    if rate == FrameRate::default() { Ok(()) } else { write!(f, "?{RATE}={rate}") }
 }
 
 fn written(f: &mut fmt::Formatter<'_>, kind: &str, path: &Path, wanted: &Wanted) -> fmt::Result {
@@ -275,6 +311,9 @@ mod tests {
             "r3d:a.r3d",
             "scannet:a.sens",
             "mcap:a.mcap",
+            "replica:a?frames_per_second=12.5",
+            "7scenes:a?frames_per_second=10",
+            "nerfstudio:a?frames_per_second=1",
             "mcap:a.mcap?color=/rgb&pose=none",
             "rosbag2:bag?world=odom&registered=no",
             "synthetic:12",
@@ -290,8 +329,23 @@ mod tests {
         assert_eq!(parse("tum:~/desk").unwrap(), DatasetSpec::Tum(home.join("desk")));
         assert_eq!(parse("tum:a/~/desk").unwrap(), DatasetSpec::Tum("a/~/desk".into()));
         assert_eq!(parse("mcap:what?").unwrap(), DatasetSpec::Mcap("what?".into(), Box::default()));
-        let error = parse("mcap:a?hue=/a").unwrap_err().to_string();
-        assert!(error.starts_with("dataset: expected one of color, depth, info"), "{error}");
+        for (text, expected) in [
+            ("mcap:a?hue=/a", "expected one of color, depth, info"),
+            ("rosbag2:a?registered=maybe", "registered: expected yes or no, found maybe"),
+            ("replica:a?color=/a", "expected one of frames_per_second, found \"color=/a\""),
+            ("7scenes:a?frames_per_second=fast", "frames_per_second: expected a number"),
+            ("nerfstudio:a?frames_per_second=0", "frames_per_second: expected 0.001 to 10000"),
+            (
+                "tum:a?frames_per_second=3",
+                "expected no options of tum, found \"frames_per_second=3\"",
+            ),
+            ("folder:a?world=map", "expected no options of folder"),
+            ("r3d:a?x=1", "expected no options of r3d"),
+            ("scannet:a?x=1", "expected no options of scannet"),
+        ] {
+            let error = parse(text).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("dataset: {expected}")), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -4,8 +4,8 @@
 use super::files::{FilePlace, Files};
 use super::store::Message;
 use crate::dataset::{
-    Camera, Cameras, Color, Dataset, DatasetError, Depth, DepthCamera, Distortion, FrameExtras,
-    Intrinsics, Moment, RgbdFrame,
+    Camera, Cameras, Color, ColorFormat, DatasetError, Depth, DepthCamera, DepthFormat, Distortion,
+    FrameExtras, Intrinsics, Pictures, Recording, Shot,
 };
 use crate::messages::{Decoder, Pixels, Reading};
 use crate::rig::Wanted;
@@ -23,19 +23,19 @@ pub(super) struct OwnFrames {
     open: Option<v1::OpenMap>,
     /// Openings of another camera than the first, and damaged frames.
     problems: Vec<String>,
-    color: Option<Stored>,
-    depth: Option<Stored>,
+    color: Option<StoredPicture>,
+    depth: Option<StoredPicture>,
     frames: Vec<Own>,
     /// Frames of another camera than the first one are left out.
     is_other_camera: bool,
 }
 
-/// A picture, and how to read it.
-type Stored = (FilePlace, Decoder);
+/// Where a picture is, and how to read it.
+type StoredPicture = (FilePlace, Decoder);
 
 struct Own {
-    color: Stored,
-    depth: Stored,
+    color: StoredPicture,
+    depth: StoredPicture,
     frame: v1::Frame,
 }
 
@@ -97,18 +97,18 @@ impl OwnFrames {
         (self.open.is_some() && !self.frames.is_empty()).then_some(self)
     }
 
-    /// As a data set.
+    /// As a recording.
     ///
     /// # Errors
     /// [`DatasetError`] if the opening message has no camera, or topics are wanted.
-    pub(super) fn dataset(
+    pub(super) fn recording(
         self,
         path: &Path,
         name: String,
         files: Files,
         notes: Vec<String>,
         wanted: &Wanted,
-    ) -> Result<OwnRecording, DatasetError> {
+    ) -> Result<Recording, DatasetError> {
         let wrong = |reason: &str| DatasetError::content(path, reason);
         if *wanted != Wanted::default() {
             return Err(wrong(
@@ -119,25 +119,54 @@ impl OwnFrames {
         let cameras =
             cameras(open).ok_or_else(|| wrong("expected a camera in its opening message"))?;
         let depth_unit_metres = open.depth_unit_metres;
-        let (path, skipped, frames) = (path.to_owned(), self.problems, self.frames);
-        Ok(OwnRecording { path, name, files, cameras, depth_unit_metres, frames, skipped, notes })
+        let shots = self.frames.iter().map(|own| shot(&own.frame)).collect();
+        let frames = self.frames.into_iter().map(OwnPictures::of).collect();
+        let pictures = Box::new(Stored { path: path.to_owned(), files, frames });
+        let skipped = self.problems;
+        Ok(Recording { name, cameras, depth_unit_metres, shots, pictures, skipped, notes })
     }
 }
 
-/// A recording of lexsplat's own server.
-pub(super) struct OwnRecording {
-    path: PathBuf,
-    name: String,
-    files: Files,
-    cameras: Cameras,
-    depth_unit_metres: f64,
-    frames: Vec<Own>,
-    skipped: Vec<String>,
-    notes: Vec<String>,
+fn shot(frame: &v1::Frame) -> Shot {
+    let depth_nanos = frame.depth_timestamp_nanos;
+    let pose = frame.world_from_camera.as_ref().and_then(pose);
+    Shot {
+        sequence: frame.sequence,
+        nanos: frame.timestamp_nanos,
+        world_from_camera: pose.ok_or_else(|| "it was recorded without a pose".to_owned()),
+        extras: FrameExtras {
+            intrinsics: frame.intrinsics.as_ref().map(intrinsics),
+            depth_timestamp_nanos: (depth_nanos != 0).then_some(depth_nanos),
+            up: frame.up.as_ref().map(vector),
+        },
+    }
 }
 
-impl OwnRecording {
-    fn pixels(&self, (place, decoder): Stored) -> Result<Vec<u8>, DatasetError> {
+/// The pictures in the files.
+struct Stored {
+    path: PathBuf,
+    files: Files,
+    frames: Vec<OwnPictures>,
+}
+
+/// The pictures of a frame.
+#[derive(Clone, Copy)]
+struct OwnPictures {
+    color: StoredPicture,
+    color_format: ColorFormat,
+    depth: StoredPicture,
+    depth_format: DepthFormat,
+}
+
+impl OwnPictures {
+    fn of(Own { color, depth, frame }: Own) -> Self {
+        let (color_format, depth_format) = (frame.color_format(), frame.depth_format());
+        Self { color, color_format, depth, depth_format }
+    }
+}
+
+impl Stored {
+    fn pixels(&self, (place, decoder): StoredPicture) -> Result<Vec<u8>, DatasetError> {
         let bytes = self.files.read(place)?;
         match decoder.read(&bytes) {
             Ok(Reading::Picture(picture)) => Ok(match picture.pixels {
@@ -149,67 +178,13 @@ impl OwnRecording {
     }
 }
 
-impl Dataset for OwnRecording {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn len(&self) -> usize {
-        self.frames.len()
-    }
-
-    fn intrinsics(&self) -> Intrinsics {
-        self.cameras.color.intrinsics
-    }
-
-    fn cameras(&self) -> Cameras {
-        self.cameras.clone()
-    }
-
-    fn depth_unit_metres(&self) -> f64 {
-        self.depth_unit_metres
-    }
-
-    fn sequence(&self, index: usize) -> u64 {
-        self.frames[index].frame.sequence
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let Own { color, depth, frame } = &self.frames[index];
-        let color = Color { format: frame.color_format(), bytes: self.pixels(*color)? };
-        let depth = Depth { format: frame.depth_format(), bytes: self.pixels(*depth)? };
-        let depth_nanos = frame.depth_timestamp_nanos;
-        Ok(RgbdFrame {
-            sequence: frame.sequence,
-            timestamp_nanos: frame.timestamp_nanos,
-            color,
-            depth,
-            world_from_camera: frame.world_from_camera.as_ref().and_then(pose),
-            extras: FrameExtras {
-                intrinsics: frame.intrinsics.as_ref().map(intrinsics),
-                depth_timestamp_nanos: (depth_nanos != 0).then_some(depth_nanos),
-                up: frame.up.as_ref().map(vector),
-            },
-        })
-    }
-
-    fn moment(&self, index: usize) -> Result<Moment, DatasetError> {
-        let frame = &self.frames[index].frame;
-        let world_from_camera = frame.world_from_camera.as_ref().and_then(pose);
-        Ok(Moment { timestamp_nanos: frame.timestamp_nanos, world_from_camera })
-    }
-
-    fn no_pose(&self, index: usize) -> Option<&str> {
-        let pose = self.frames[index].frame.world_from_camera.as_ref().and_then(pose);
-        pose.is_none().then_some("it was recorded without a pose")
-    }
-
-    fn skipped(&self) -> &[String] {
-        &self.skipped
-    }
-
-    fn notes(&self) -> &[String] {
-        &self.notes
+impl Pictures for Stored {
+    fn pictures(&self, index: usize, _: u64) -> Result<(Color, Depth), DatasetError> {
+        let OwnPictures { color, color_format, depth, depth_format } = self.frames[index];
+        Ok((
+            Color { format: color_format, bytes: self.pixels(color)? },
+            Depth { format: depth_format, bytes: self.pixels(depth)? },
+        ))
     }
 }
 

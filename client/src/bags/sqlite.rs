@@ -7,6 +7,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
+const TABLES: [&str; 2] = ["topics", "messages"];
+
 /// A SQLite file of rosbag2.
 pub(super) struct SqliteFile {
     path: PathBuf,
@@ -28,6 +30,27 @@ impl SqliteFile {
         Ok(Self { path: path.to_owned(), connection })
     }
 
+    /// Refuses views and virtual tables of these names, which can have rows without end.
+    fn check_tables(&self, connection: &Connection) -> Result<(), DatasetError> {
+        for name in TABLES {
+            let written = connection.query_row(
+                "SELECT sql FROM sqlite_master \
+                 WHERE type IN ('table', 'view') AND name = ?1 COLLATE NOCASE",
+                [name],
+                |row| row.get::<_, String>(0),
+            );
+            let found = match written {
+                Ok(sql) if sql.to_ascii_uppercase().starts_with("CREATE TABLE") => continue,
+                Ok(sql) => sql.split_whitespace().take(2).collect::<Vec<_>>().join(" "),
+                Err(rusqlite::Error::QueryReturnedNoRows) => "none".into(),
+                Err(error) => return Err(failed(&self.path, &error)),
+            };
+            let reason = format!("expected a bag of rosbag2 with a table {name}, found {found}");
+            return Err(DatasetError::content(&self.path, reason));
+        }
+        Ok(())
+    }
+
     fn channels(&self, connection: &Connection) -> rusqlite::Result<HashMap<i64, Channel>> {
         let mut statement =
             connection.prepare("SELECT id, name, type, serialization_format FROM topics")?;
@@ -46,6 +69,7 @@ fn failed(path: &Path, error: &rusqlite::Error) -> DatasetError {
 impl Store for SqliteFile {
     fn scan(&self, take: &mut dyn FnMut(Message<'_>)) -> Result<Vec<String>, DatasetError> {
         let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        self.check_tables(&connection)?;
         let channels = self.channels(&connection).map_err(|error| failed(&self.path, &error))?;
         let all = "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id";
         let mut statement = connection.prepare(all).map_err(|error| failed(&self.path, &error))?;

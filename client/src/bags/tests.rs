@@ -311,6 +311,27 @@ fn what_cannot_be_used_is_told() {
 }
 
 #[test]
+fn a_view_without_end_is_no_table_of_messages() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("endless.db3");
+    sqlite(&path, &messages());
+    rosbag2(&path, &Wanted::default()).expect("negative control");
+    let endless = "ALTER TABLE messages RENAME TO others; CREATE VIEW messages AS \
+                   WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) \
+                   SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM n;";
+    rusqlite::Connection::open(&path).unwrap().execute_batch(endless).unwrap();
+    let error = rosbag2(&path, &Wanted::default()).err().unwrap().to_string();
+    assert!(
+        error.ends_with("expected a bag of rosbag2 with a table messages, found CREATE VIEW"),
+        "{error}"
+    );
+    let none = "DROP VIEW messages";
+    rusqlite::Connection::open(&path).unwrap().execute_batch(none).unwrap();
+    let error = rosbag2(&path, &Wanted::default()).err().unwrap().to_string();
+    assert!(error.ends_with("with a table messages, found none"), "{error}");
+}
+
+#[test]
 fn damaged_recordings_are_read_or_refused() {
     let all = messages();
     let folder = tempfile::tempdir().unwrap();

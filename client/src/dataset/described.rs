@@ -1,7 +1,7 @@
 //! The text of `recording.toml`, and the cameras that it describes.
 
 use super::files::Size;
-use super::frame::{Camera, Cameras, DepthCamera, Distortion, Intrinsics};
+use super::frame::{Camera, Cameras, DepthCamera, Distortion, FrameRate, Intrinsics};
 use super::pose;
 use super::prepare::Turn;
 use nalgebra::Isometry3;
@@ -13,7 +13,8 @@ use std::path::PathBuf;
 pub(super) struct Description {
     #[serde(default)]
     pub names: Names,
-    pub frames_per_second: Option<f64>,
+    #[serde(default)]
+    pub frames_per_second: FrameRate,
     up: Option<[f64; 3]>,
     pub color: Pictures,
     pub depth: DepthPictures,
@@ -128,9 +129,6 @@ impl Description {
         };
         if let Some(up) = self.up.filter(|up| !is_direction(up)) {
             return Err(format!("up: expected a direction, found {up:?}"));
-        }
-        if let Some(rate) = self.frames_per_second.filter(|rate| !(1e-3..=1e4).contains(rate)) {
-            return Err(format!("frames_per_second: expected 0.001 to 10000, found {rate}"));
         }
         Ok(Cameras {
             color: self.camera.camera(color).map_err(|reason| format!("camera: {reason}"))?,

@@ -27,10 +27,11 @@
 
 use super::described::{DepthPictures, Description, Names, Poses};
 use super::error::DatasetError;
-use super::frame::{FrameExtras, RgbdFrame, counted_nanos};
+use super::frame::FrameExtras;
 use super::layer::Layer;
+use super::picture_files::{FrameFiles, PictureFiles};
 use super::prepare::{self, FINE_UNIT_METRES, Preparation};
-use super::recording::{self, Entry, MaybePose, Recording};
+use super::recording::{MaybePose, Recording, Shot};
 use super::source::Dataset;
 use super::timed::{self, Timed, TimedPoses};
 use super::{files, name, pose, text};
@@ -57,23 +58,24 @@ impl Folder {
         let described: Description = toml::from_str(&files::text(&path)?)
             .map_err(|error| wrong(error.to_string().replace('\n', " ").trim().to_owned()))?;
         let (preparation, depth_unit_metres) = prepared(&described).map_err(wrong)?;
-        let found = Found::new(folder, &described, &path)?;
-        if found.frames.is_empty() {
+        let Found { shots, files, skipped } = Found::new(folder, &described, &path)?;
+        if shots.is_empty() {
             let expected = "expected color and depth that belong together, found none";
-            return Err(DatasetError::no_frames(&path, expected, &found.skipped));
+            return Err(DatasetError::no_frames(&path, expected, &skipped));
         }
-        let [color, depth] = recording::sizes(&found.frames, &preparation)?;
+        let pictures = PictureFiles { frames: files, preparation };
+        let [color, depth] = pictures.sizes()?;
         let mut cameras = described.cameras(color, depth).map_err(wrong)?;
         for value in &mut cameras.no_depth {
-            *value = prepare::unit(f64::from(*value) * preparation.scale);
+            *value = prepare::unit(f64::from(*value) * pictures.preparation.scale);
         }
         let recording = Recording {
             name: name::of(folder),
             cameras,
             depth_unit_metres,
-            preparation,
-            frames: found.frames,
-            skipped: found.skipped,
+            shots,
+            pictures: Box::new(pictures),
+            skipped,
             notes: Vec::new(),
         };
         Ok(Self { recording })
@@ -102,7 +104,8 @@ fn prepared(described: &Description) -> Result<(Preparation, f64), String> {
 
 /// The frames whose files are there.
 struct Found {
-    frames: Vec<Entry>,
+    shots: Vec<Shot>,
+    files: Vec<FrameFiles>,
     skipped: Vec<String>,
 }
 
@@ -120,7 +123,7 @@ impl Found {
             let Timed { nanos: number, value: color } = &colors[at];
             let Timed { nanos: depth_number, value: depth } = &depths[depth];
             let (sequence, nanos, depth_nanos) = match names {
-                Names::Numbers => (*number, time(described, *number), None),
+                Names::Numbers => (*number, described.frames_per_second.nanos(*number), None),
                 Names::Seconds | Names::Nanoseconds => {
                     let apart = depth_number != number;
                     (at as u64, *number, apart.then_some(*depth_number))
@@ -128,26 +131,19 @@ impl Found {
             };
             let world_from_camera = poses.of(at, nanos, color, &described.color.files);
             let confidence = described.depth.confidence.as_ref();
-            Entry {
-                confidence: confidence
-                    .map(|other| folder.join(beside(depth, &described.depth.files, other))),
-                extras: FrameExtras { depth_timestamp_nanos: depth_nanos, ..Default::default() },
-                ..Entry::new(sequence, nanos, [color.clone(), depth.clone()], world_from_camera)
-            }
+            let confidence =
+                confidence.map(|other| folder.join(beside(depth, &described.depth.files, other)));
+            let extras = FrameExtras { depth_timestamp_nanos: depth_nanos, ..Default::default() };
+            (
+                Shot { sequence, nanos, world_from_camera, extras },
+                FrameFiles { color: color.clone(), depth: depth.clone(), confidence },
+            )
         };
-        let frames = pairs.iter().map(entry).collect();
+        let (shots, files) = pairs.iter().map(entry).unzip();
         let unpaired = (0..colors.len()).filter(|at| pairs.iter().all(|(paired, _)| paired != at));
         let reason = "expected depth with the same number or time, found none";
         let told = |at: usize| DatasetError::content(&colors[at].value, reason).to_string();
-        Ok(Self { frames, skipped: unpaired.map(told).collect() })
-    }
-}
-
-/// The time of a numbered frame, nanoseconds.
-fn time(described: &Description, number: u64) -> u64 {
-    match described.frames_per_second {
-        Some(rate) if rate > 0.0 => (number as f64 * 1e9 / rate) as u64,
-        _ => counted_nanos(number),
+        Ok(Self { shots, files, skipped: unpaired.map(told).collect() })
     }
 }
 
@@ -280,9 +276,5 @@ impl Placed {
 impl Layer for Folder {
     fn below(&self) -> &dyn Dataset {
         &self.recording
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.recording.frame(index)
     }
 }

@@ -2,6 +2,7 @@
 
 pub use lexsplat_proto::v1::{ColorFormat, DepthFormat};
 use nalgebra::Isometry3;
+use std::fmt;
 
 /// A pinhole camera, pixels; the centre of the top-left pixel is (0, 0).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -230,10 +231,43 @@ pub struct Moment {
     pub world_from_camera: Option<Isometry3<f64>>,
 }
 
-/// Frames per second of layouts without times.
-const FRAMES_PER_SECOND: u64 = 30;
+/// How many frames a second were taken, where no file has their times.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(try_from = "f64")]
+pub struct FrameRate(f64);
 
-/// The timestamp of frame number `sequence` in a layout without times, nanoseconds from 0.
+impl FrameRate {
+    /// The time of frame number `sequence`, nanoseconds from that of number 0.
+    pub fn nanos(self, sequence: u64) -> u64 {
+        (sequence as f64 * 1e9 / self.0) as u64
+    }
+}
+
+impl Default for FrameRate {
+    /// 30 frames per second.
+    fn default() -> Self {
+        Self(30.0)
+    }
+}
+
+impl TryFrom<f64> for FrameRate {
+    type Error = String;
+
+    fn try_from(rate: f64) -> Result<Self, String> {
+        match (1e-3..=1e4).contains(&rate) {
+            true => Ok(Self(rate)),
+            false => Err(format!("frames_per_second: expected 0.001 to 10000, found {rate}")),
+        }
+    }
+}
+
+impl fmt::Display for FrameRate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// The time of frame number `sequence` in a layout without times, nanoseconds from that of number 0.
 pub fn counted_nanos(sequence: u64) -> u64 {
-    sequence.saturating_mul(1_000_000_000) / FRAMES_PER_SECOND
+    FrameRate::default().nanos(sequence)
 }

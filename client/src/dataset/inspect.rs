@@ -6,6 +6,7 @@ use super::frame::{
     RgbdFrame,
 };
 use super::source::Dataset;
+use super::text::shown;
 use serde::Serialize;
 
 /// Problems of one kind that are listed one by one.
@@ -357,6 +358,7 @@ fn lens_problem(camera: &Intrinsics) -> Option<String> {
     let Intrinsics { width, height, cx, cy, .. } = *camera;
     let off = |centre: f64, side: u32| (centre / f64::from(side) - 0.5).abs() > FARTHEST_CENTRE;
     (off(cx, width) || off(cy, height)).then(|| {
+        let (cx, cy) = (shown(cx), shown(cy));
         format!(
             "the principal point {cx} {cy} is far from the middle of {width}x{height} pixels: is the camera \
              that of pictures of this size?"

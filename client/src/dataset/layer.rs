@@ -15,7 +15,9 @@ pub trait Layer: Send + Sync {
     ///
     /// # Errors
     /// As [`Dataset::frame`].
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError>;
+    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
+        self.below().frame(index)
+    }
 
     /// [`Dataset::len`].
     fn count(&self) -> usize {

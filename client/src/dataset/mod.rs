@@ -6,13 +6,13 @@
 //! talks to a server.
 
 mod against;
-mod capture;
 mod decoded;
 mod described;
 mod error;
 mod files;
 mod folder;
 mod frame;
+mod inflate;
 mod inspect;
 mod kinect;
 mod layer;
@@ -21,6 +21,7 @@ mod natural;
 mod nerfstudio;
 mod numbered;
 mod part;
+mod picture_files;
 mod pose;
 mod posed;
 mod prepare;
@@ -44,19 +45,21 @@ pub use error::DatasetError;
 pub use folder::Folder;
 pub use frame::{
     Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, DepthFormat, Distortion, FrameExtras,
-    Intrinsics, Moment, RgbdFrame, counted_nanos,
+    FrameRate, Intrinsics, Moment, RgbdFrame, counted_nanos,
 };
 pub use inspect::{DepthCameraSeen, DepthSeen, DistortionSeen, Inspection, inspect};
 pub use layer::Layer;
-pub(crate) use name::of as name_of;
+pub(crate) use name::{is_map_name, of as name_of};
 pub(crate) use natural::natural_order;
 pub use nerfstudio::Nerfstudio;
 pub use posed::with_poses;
 pub use r3d::R3d;
 pub use range::FrameRange;
+pub(crate) use recording::{Pictures, Recording, Shot};
 pub use replica::Replica;
 pub use scannet::ScanNet;
 pub use seven_scenes::SevenScenes;
 pub use source::Dataset;
+pub use text::shown;
 pub use truth::{Instance, Mask, Truth};
 pub use tum::Tum;

@@ -17,6 +17,11 @@ pub(crate) fn of(folder: &Path) -> String {
     last_part(folder).map_or_else(|| "dataset".into(), |name| valid(&name))
 }
 
+/// Whether a map can be called so.
+pub(crate) fn is_map_name(text: &str) -> bool {
+    !text.is_empty() && valid(text) == text
+}
+
 /// A map's name made of any text: 1 to 64 of `A-Z a-z 0-9 . _ -`, and no dot first. Where letters are lost,
 /// a number made of the whole text keeps different texts apart.
 fn valid(text: &str) -> String {

@@ -10,14 +10,15 @@
 use super::error::DatasetError;
 use super::files::{self, Size};
 use super::frame::{
-    Camera, Cameras, DepthCamera, Distortion, FrameExtras, Intrinsics, RgbdFrame, counted_nanos,
+    Camera, Cameras, DepthCamera, Distortion, FrameExtras, FrameRate, Intrinsics, counted_nanos,
 };
 use super::layer::Layer;
 use super::name;
 use super::natural::natural_order;
+use super::picture_files::{FrameFiles, PictureFiles};
 use super::pose;
 use super::prepare::{self, FINE_UNIT_METRES, Preparation};
-use super::recording::{self, Entry, MaybePose, Recording};
+use super::recording::{MaybePose, Recording, Shot};
 use super::source::Dataset;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -75,6 +76,13 @@ struct Lens {
     p2: Option<f64>,
 }
 
+/// The frames with depth, and why others are left out.
+struct Found {
+    shots: Vec<Shot>,
+    files: Vec<FrameFiles>,
+    skipped: Vec<String>,
+}
+
 impl Nerfstudio {
     /// Finds the files and reads camera and poses.
     ///
@@ -88,12 +96,12 @@ impl Nerfstudio {
         let unit = positive("depth_unit_scale_factor", list.depth_unit_scale_factor);
         let unit = unit.map_err(wrong)?;
         let scale = positive("applied_scale", list.applied_scale).map_err(wrong)?.unwrap_or(1.0);
-        let (mut frames, skipped) = list.entries(folder, &path, scale);
-        if frames.is_empty() {
+        let Found { mut shots, files, skipped } = list.found(folder, &path, scale);
+        if shots.is_empty() {
             let expected = "expected frames with depth_file_path, found none";
             return Err(DatasetError::no_frames(&path, expected, &skipped));
         }
-        let is_array = frames.iter().any(|frame| prepare::is_array(&frame.depth));
+        let is_array = files.iter().any(|files| prepare::is_array(&files.depth));
         let mut notes = Vec::new();
         if is_array && unit.is_none() {
             notes.push(format!(
@@ -104,19 +112,27 @@ impl Nerfstudio {
         let stored = unit.unwrap_or(UNIT_METRES);
         let sent = if is_array { FINE_UNIT_METRES } else { stored };
         let preparation = Preparation { scale: stored / sent, ..Preparation::default() };
-        let [color, depth] = recording::sizes(&frames, &preparation)?;
+        let pictures = PictureFiles { frames: files, preparation };
+        let [color, depth] = pictures.sizes()?;
         let camera = list.camera(color, &mut notes).map_err(wrong)?;
-        for frame in &mut frames {
-            let own = &list.frames[frame.sequence as usize].lens;
-            frame.extras = own.extras(&list.lens, color, &camera.intrinsics);
+        for shot in &mut shots {
+            let own = &list.frames[shot.sequence as usize].lens;
+            shot.extras = own.extras(&list.lens, color, &camera.intrinsics);
         }
         let Size { width, height } = depth;
         let depth = (color != depth).then_some(DepthCamera::SameLens { width, height });
         let cameras = Cameras { color: camera.clone(), depth, ..camera.intrinsics.into() };
-        let (name, depth_unit_metres) = (name::of(folder), sent);
+        let (name, depth_unit_metres, pictures) = (name::of(folder), sent, Box::new(pictures));
         let recording =
-            Recording { name, cameras, depth_unit_metres, preparation, frames, skipped, notes };
+            Recording { name, cameras, depth_unit_metres, shots, pictures, skipped, notes };
         Ok(Self { recording })
+    }
+
+    /// The same frames at other times: the layout has none.
+    #[must_use]
+    pub fn at_rate(mut self, rate: FrameRate) -> Self {
+        self.recording.count_times(rate);
+        self
     }
 }
 
@@ -154,8 +170,8 @@ fn pose(rows: &[Vec<f64>], applied_scale: f64) -> MaybePose {
 
 impl Transforms {
     /// The frames with depth, and why others are left out.
-    fn entries(&self, folder: &Path, path: &Path, applied_scale: f64) -> (Vec<Entry>, Vec<String>) {
-        let (mut frames, mut skipped) = (Vec::new(), Vec::new());
+    fn found(&self, folder: &Path, path: &Path, applied_scale: f64) -> Found {
+        let (mut shots, mut files, mut skipped) = (Vec::new(), Vec::new(), Vec::new());
         for (sequence, listed) in (0..).zip(&self.frames) {
             let color = picture(folder, &listed.file_path);
             let Some(depth) = &listed.depth_file_path else {
@@ -168,11 +184,10 @@ impl Transforms {
                     let reason = format!("{}: {reason}", listed.file_path);
                     DatasetError::content(path, reason).to_string()
                 });
-            let pictures = [color, picture(folder, depth)];
-            let nanos = counted_nanos(sequence);
-            frames.push(Entry::new(sequence, nanos, pictures, world_from_camera));
+            shots.push(Shot::new(sequence, counted_nanos(sequence), world_from_camera));
+            files.push(FrameFiles::new(color, picture(folder, depth)));
         }
-        (frames, skipped)
+        Found { shots, files, skipped }
     }
 
     /// The camera of all frames: the list's, or the first frame's.
@@ -256,9 +271,5 @@ impl Lens {
 impl Layer for Nerfstudio {
     fn below(&self) -> &dyn Dataset {
         &self.recording
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.recording.frame(index)
     }
 }

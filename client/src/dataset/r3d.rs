@@ -6,16 +6,15 @@
 //! (seconds). Depth is float32 metres and confidence a byte (0 low, 1 medium, 2 high), LZFSE, zlib or as
 //! they are. Depth comes through color's lens. Pixels of low confidence are no measurement.
 
-use super::capture::{Capture, Pictures, Shot, exactly, inflated};
 use super::error::DatasetError;
 use super::files::{self, Size};
 use super::frame::{
-    Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, FrameExtras, Intrinsics, RgbdFrame,
-    counted_nanos,
+    Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, FrameExtras, FrameRate, Intrinsics,
 };
+use super::inflate::{exactly, inflated};
 use super::layer::Layer;
 use super::prepare::{self, FINE_UNIT_METRES, Units};
-use super::recording::MaybePose;
+use super::recording::{MaybePose, Pictures, Recording, Shot};
 use super::source::Dataset;
 use super::{name, pose, text};
 use lzfse_rust::LzfseRingDecoder;
@@ -36,8 +35,9 @@ const LEAST_CONFIDENCE: u8 = 1;
 const FLOAT: usize = size_of::<f32>();
 
 /// A `.r3d` file.
+#[derive(Debug)]
 pub struct R3d {
-    capture: Capture,
+    recording: Recording,
 }
 
 #[derive(Deserialize)]
@@ -102,7 +102,7 @@ impl R3d {
         };
         let archive = Mutex::new(archive);
         let pictures = Box::new(Stored { path: path.into(), archive, frames, depth });
-        let capture = Capture {
+        let recording = Recording {
             name: name::of(&path.with_extension("")),
             cameras,
             depth_unit_metres: FINE_UNIT_METRES,
@@ -111,7 +111,7 @@ impl R3d {
             skipped,
             notes: Vec::new(),
         };
-        Ok(Self { capture })
+        Ok(Self { recording })
     }
 }
 
@@ -222,10 +222,12 @@ impl Metadata {
     }
 
     fn nanos(&self, number: usize) -> u64 {
-        match (self.times.get(number), self.fps) {
-            (Some(seconds), _) if seconds.is_finite() && *seconds >= 0.0 => (seconds * 1e9) as u64,
-            (_, Some(rate)) if rate > 0.0 => (number as f64 * 1e9 / rate) as u64,
-            _ => counted_nanos(number as u64),
+        match self.times.get(number) {
+            Some(seconds) if seconds.is_finite() && *seconds >= 0.0 => (seconds * 1e9) as u64,
+            _ => {
+                let rate = self.fps.and_then(|rate| FrameRate::try_from(rate).ok());
+                rate.unwrap_or_default().nanos(number as u64)
+            }
         }
     }
 
@@ -310,21 +312,17 @@ impl Stored {
 }
 
 impl Pictures for Stored {
-    fn pictures(&self, index: usize) -> Result<(Color, Depth), DatasetError> {
+    fn pictures(&self, index: usize, sequence: u64) -> Result<(Color, Depth), DatasetError> {
         let names = &self.frames[index];
         let wrong = |reason: String| DatasetError::content(&self.path, reason);
         let color = self.color(names).map_err(wrong)?;
         let units = self.units(names).map_err(wrong)?;
-        Ok((color, prepare::encoded(&units, index as u64)?))
+        Ok((color, prepare::encoded(&units, sequence)?))
     }
 }
 
 impl Layer for R3d {
     fn below(&self) -> &dyn Dataset {
-        &self.capture
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.capture.frame(index)
+        &self.recording
     }
 }

@@ -5,11 +5,11 @@
 
 use super::error::DatasetError;
 use super::files::Size;
-use super::frame::{Intrinsics, RgbdFrame, counted_nanos};
+use super::frame::{FrameRate, Intrinsics, counted_nanos};
 use super::layer::Layer;
 use super::numbered::{self, Pattern};
-use super::prepare::Preparation;
-use super::recording::{self, Entry, MaybePose, Recording};
+use super::picture_files::{FrameFiles, PictureFiles};
+use super::recording::{MaybePose, Recording, Shot};
 use super::source::Dataset;
 use super::truth::{Instance, Mask, Truth};
 use super::{files, name, pose, text};
@@ -66,26 +66,35 @@ impl Replica {
         let poses = Poses::read(folder.join("traj.txt"))?;
         let entry = |(sequence, color, depth)| {
             let (nanos, world_from_camera) = (counted_nanos(sequence), poses.of(sequence));
-            Entry::new(sequence, nanos, [color, depth], world_from_camera)
+            let shot = Shot::new(sequence, nanos, world_from_camera);
+            (shot, FrameFiles::new(color, depth))
         };
-        let frames: Vec<Entry> = pairs.into_iter().map(entry).collect();
-        let Some(first) = frames.first() else {
+        let (shots, files): (Vec<Shot>, Vec<FrameFiles>) = pairs.into_iter().map(entry).unzip();
+        let Some(first) = files.first().cloned() else {
             let expected = "expected frame%06d.jpg and depth%06d.png, found none";
             return Err(DatasetError::no_frames(&results, expected, &skipped));
         };
-        let (found, Intrinsics { width, height, .. }) = (recording::size(&frames)?, intrinsics);
+        let pictures = PictureFiles::plain(files);
+        let (found, Intrinsics { width, height, .. }) = (pictures.size()?, intrinsics);
         let size = Size { width, height };
         if found != size {
             let reason = format!("expected {size} pixels as in cam_params.json, found {found}");
             return Err(DatasetError::content(&first.color, reason));
         }
-        let sequences = frames.iter().map(|frame| frame.sequence).collect();
+        let sequences = shots.iter().map(|shot| shot.sequence).collect();
         let labels = Labels::open(folder, sequences, size)?;
         let (name, notes) = (name::of(folder), Vec::new());
-        let (cameras, preparation) = (intrinsics.into(), Preparation::default());
+        let (cameras, pictures) = (intrinsics.into(), Box::new(pictures));
         let recording =
-            Recording { name, cameras, depth_unit_metres, preparation, frames, skipped, notes };
+            Recording { name, cameras, depth_unit_metres, shots, pictures, skipped, notes };
         Ok(Self { recording, labels })
+    }
+
+    /// The same frames at other times: the layout has none.
+    #[must_use]
+    pub fn at_rate(mut self, rate: FrameRate) -> Self {
+        self.recording.count_times(rate);
+        self
     }
 }
 
@@ -180,10 +189,6 @@ impl Truth for Labels {
 impl Layer for Replica {
     fn below(&self) -> &dyn Dataset {
         &self.recording
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.recording.frame(index)
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

@@ -7,15 +7,14 @@
 //! Extrinsics are poses in a common frame, color's as a rule. A frame's number is its place in the file. A
 //! file that ends early has the frames before its end.
 
-use super::capture::{Capture, Pictures, Shot, exactly, inflated};
 use super::error::DatasetError;
 use super::frame::{
-    Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, FrameExtras, Intrinsics, RgbdFrame,
-    counted_nanos,
+    Camera, Cameras, Color, ColorFormat, Depth, DepthCamera, FrameExtras, Intrinsics, counted_nanos,
 };
+use super::inflate::{exactly, inflated};
 use super::layer::Layer;
 use super::prepare::{self, Units};
-use super::recording::MaybePose;
+use super::recording::{MaybePose, Pictures, Recording, Shot};
 use super::source::Dataset;
 use super::{name, pose};
 use nalgebra::Isometry3;
@@ -31,8 +30,9 @@ const LONGEST_NAME: u64 = 4096;
 const MOST_PIXELS: u64 = 1 << 27;
 
 /// A `.sens` file.
+#[derive(Debug)]
 pub struct ScanNet {
-    capture: Capture,
+    recording: Recording,
 }
 
 impl ScanNet {
@@ -76,8 +76,9 @@ impl ScanNet {
         let depth_unit_metres = 1.0 / f64::from(header.depth_shift);
         let file = Mutex::new(source.file.into_inner());
         let pictures = Box::new(Stored { path: path.into(), file, places, header });
-        let capture = Capture { name, cameras, depth_unit_metres, shots, pictures, skipped, notes };
-        Ok(Self { capture })
+        let recording =
+            Recording { name, cameras, depth_unit_metres, shots, pictures, skipped, notes };
+        Ok(Self { recording })
     }
 }
 
@@ -292,12 +293,12 @@ impl Stored {
 }
 
 impl Pictures for Stored {
-    fn pictures(&self, index: usize) -> Result<(Color, Depth), DatasetError> {
+    fn pictures(&self, index: usize, sequence: u64) -> Result<(Color, Depth), DatasetError> {
         let [color, depth] = self.bytes(&self.places[index])?;
         let Intrinsics { width, height, .. } = self.header.depth;
         let expected = width as usize * height as usize * 2;
         let wrong = |reason: String| {
-            DatasetError::content(&self.path, format!("frame {index}: depth: {reason}"))
+            DatasetError::content(&self.path, format!("frame {sequence}: depth: {reason}"))
         };
         let samples = match self.header.is_deflated {
             true => inflated(&depth, expected),
@@ -306,17 +307,13 @@ impl Pictures for Stored {
         .map_err(wrong)?;
         let units = samples.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]]));
         let units = Units::from_raw(width, height, units.collect()).expect("as many as pixels");
-        let depth = prepare::encoded(&units, index as u64)?;
+        let depth = prepare::encoded(&units, sequence)?;
         Ok((Color { format: self.header.color_format, bytes: color }, depth))
     }
 }
 
 impl Layer for ScanNet {
     fn below(&self) -> &dyn Dataset {
-        &self.capture
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.capture.frame(index)
+        &self.recording
     }
 }

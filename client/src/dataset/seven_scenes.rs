@@ -7,11 +7,12 @@
 
 use super::error::DatasetError;
 use super::files::Size;
-use super::frame::{Color, ColorFormat, Intrinsics, RgbdFrame, counted_nanos};
+use super::frame::{Color, ColorFormat, Depth, FrameRate, Intrinsics, counted_nanos};
 use super::layer::Layer;
 use super::numbered::{self, Pattern};
-use super::prepare::{self, Preparation, Units};
-use super::recording::{self, Entry, MaybePose, Recording};
+use super::picture_files::{FrameFiles, PictureFiles};
+use super::prepare::{self, Units};
+use super::recording::{MaybePose, Pictures, Recording, Shot};
 use super::source::Dataset;
 use super::{files, kinect, name, pose, text};
 use image::{ExtendedColorType, ImageEncoder};
@@ -39,21 +40,32 @@ impl SevenScenes {
         let numbered::Pairs { frames: pairs, skipped } = numbered::pairs(folder, &COLOR, &DEPTH)?;
         let entry = |(sequence, color, depth)| {
             let world_from_camera = pose(&folder.join(format!("frame-{sequence:06}.pose.txt")));
-            Entry::new(sequence, counted_nanos(sequence), [color, depth], world_from_camera)
+            let shot = Shot::new(sequence, counted_nanos(sequence), world_from_camera);
+            (shot, FrameFiles::new(color, depth))
         };
-        let frames: Vec<Entry> = pairs.into_iter().map(entry).collect();
-        if frames.is_empty() {
+        let (shots, files): (Vec<Shot>, _) = pairs.into_iter().map(entry).unzip();
+        if shots.is_empty() {
             let expected = "expected frame-%06d.color.jpg (or .png) and frame-%06d.depth.png, found \
                             none; name one sequence, such as its folder seq-01";
             return Err(DatasetError::no_frames(folder, expected, &skipped));
         }
         let mut notes = Vec::new();
-        let intrinsics = intrinsics(folder, recording::size(&frames)?, &mut notes)?;
+        let files = PictureFiles::plain(files);
+        let intrinsics = intrinsics(folder, files.size()?, &mut notes)?;
         let (name, depth_unit_metres) = (name::of(folder), 0.001);
-        let (cameras, preparation) = (intrinsics.into(), Preparation::default());
+        let is_unregistered = is_unregistered(&intrinsics);
+        let pictures = Box::new(ScenePictures { files, is_unregistered });
+        let cameras = intrinsics.into();
         let recording =
-            Recording { name, cameras, depth_unit_metres, preparation, frames, skipped, notes };
+            Recording { name, cameras, depth_unit_metres, shots, pictures, skipped, notes };
         Ok(Self { recording })
+    }
+
+    /// The same frames at other times: the layout has none.
+    #[must_use]
+    pub fn at_rate(mut self, rate: FrameRate) -> Self {
+        self.recording.count_times(rate);
+        self
     }
 }
 
@@ -97,46 +109,56 @@ fn units(path: &Path, bytes: &[u8]) -> Result<(Units, bool), DatasetError> {
     Ok((units, is_whole))
 }
 
-impl SevenScenes {
-    /// Whether color and depth come from the Kinect's two cameras and are not registered.
-    fn is_unregistered(&self) -> bool {
-        let Intrinsics { width, height, fx, fy, cx, cy } = self.recording.intrinsics();
-        (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
-    }
+/// Whether color and depth come from the Kinect's two cameras and are not registered.
+fn is_unregistered(camera: &Intrinsics) -> bool {
+    let Intrinsics { width, height, fx, fy, cx, cy } = *camera;
+    (width, height, [fx, fy, cx, cy]) == (640, 480, kinect::DEPTH)
 }
 
 /// The color image, registered to the depth image.
-fn registered(entry: &Entry, color: &Color, units: &Units) -> Result<Color, DatasetError> {
-    let failed = |source| DatasetError::Picture { path: entry.color.clone(), source };
+fn registered(
+    path: &Path,
+    color: &Color,
+    units: &Units,
+    sequence: u64,
+) -> Result<Color, DatasetError> {
+    let failed = |source| DatasetError::Picture { path: path.into(), source };
     let picture = image::load_from_memory(&color.bytes).map_err(failed)?.into_rgb8();
     if picture.dimensions() != units.dimensions() {
         let (width, height) = units.dimensions();
         let reason = format!("expected {width}x{height} pixels as its depth has");
-        return Err(DatasetError::content(&entry.color, reason));
+        return Err(DatasetError::content(path, reason));
     }
     let seen = kinect::registered(&picture, units);
     let ((width, height), mut bytes) = (seen.dimensions(), Vec::new());
     prepare::fast_png(&mut bytes)
         .write_image(&seen, width, height, ExtendedColorType::Rgb8)
-        .map_err(|source| DatasetError::Encode { sequence: entry.sequence, source })?;
+        .map_err(|source| DatasetError::Encode { sequence, source })?;
     Ok(Color { format: ColorFormat::Png, bytes })
+}
+
+/// The pictures of a sequence.
+struct ScenePictures {
+    files: PictureFiles,
+    is_unregistered: bool,
+}
+
+impl Pictures for ScenePictures {
+    fn pictures(&self, index: usize, sequence: u64) -> Result<(Color, Depth), DatasetError> {
+        let files = &self.files.frames[index];
+        let (color, depth) = self.files.pictures(index, sequence)?;
+        let (units, is_whole) = units(&files.depth, &depth.bytes)?;
+        let color = match self.is_unregistered {
+            true => registered(&files.color, &color, &units, sequence)?,
+            false => color,
+        };
+        let depth = if is_whole { depth } else { prepare::encoded(&units, sequence)? };
+        Ok((color, depth))
+    }
 }
 
 impl Layer for SevenScenes {
     fn below(&self) -> &dyn Dataset {
         &self.recording
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        let entry = &self.recording.frames[index];
-        let mut frame = self.recording.frame(index)?;
-        let (units, is_whole) = units(&entry.depth, &frame.depth.bytes)?;
-        if self.is_unregistered() {
-            frame.color = registered(entry, &frame.color, &units)?;
-        }
-        if !is_whole {
-            frame.depth = prepare::encoded(&units, entry.sequence)?;
-        }
-        Ok(frame)
     }
 }

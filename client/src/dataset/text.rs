@@ -33,6 +33,12 @@ fn utf16(bytes: &[u8], number: fn([u8; 2]) -> u16) -> String {
     char::decode_utf16(units).map(|unit| unit.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
+/// A number for people: `525`, `319.5`, `1e300`.
+pub fn shown(number: f64) -> String {
+    let written = format!("{number:?}");
+    written.strip_suffix(".0").map_or(written.clone(), str::to_owned)
+}
+
 /// Lines that are neither empty nor comments, with their numbers from 1.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));

@@ -13,10 +13,10 @@
 
 use super::error::DatasetError;
 use super::files::{self, Size};
-use super::frame::{Camera, Cameras, Distortion, Intrinsics, RgbdFrame};
+use super::frame::{Camera, Cameras, Distortion, Intrinsics};
 use super::layer::Layer;
-use super::prepare::Preparation;
-use super::recording::{self, Entry, Recording};
+use super::picture_files::{FrameFiles, PictureFiles};
+use super::recording::{Recording, Shot};
 use super::source::Dataset;
 use super::timed::{self, Timed, TimedPoses};
 use super::{name, text};
@@ -56,10 +56,11 @@ impl Tum {
             let Timed { nanos, value: color } = &colors[at];
             let (color, depth) = (color.clone(), depths[depth].value.clone());
             let (sequence, world_from_camera) = (at as u64, poses.at(*nanos, &color));
-            Entry::new(sequence, *nanos, [color, depth], world_from_camera)
+            let shot = Shot::new(sequence, *nanos, world_from_camera);
+            (shot, FrameFiles::new(color, depth))
         };
-        let frames: Vec<Entry> = pairs.iter().map(entry).collect();
-        if frames.is_empty() {
+        let (shots, files): (Vec<Shot>, _) = pairs.iter().map(entry).unzip();
+        if shots.is_empty() {
             let reason = "expected pictures with depth at most 0.02 s away, found none";
             return Err(DatasetError::content(folder, reason));
         }
@@ -69,14 +70,15 @@ impl Tum {
             DatasetError::content(&colors[at].value, reason).to_string()
         });
         let (skipped, mut notes) = (skipped.collect(), Vec::new());
-        let color = camera(folder, recording::size(&frames)?, &mut notes)?;
+        let pictures = PictureFiles::plain(files);
+        let color = camera(folder, pictures.size()?, &mut notes)?;
         let cameras = Cameras { color: color.clone(), ..color.intrinsics.into() };
         let recording = Recording {
             name: name::of(folder),
             cameras,
             depth_unit_metres: DEPTH_UNIT_METRES,
-            preparation: Preparation::default(),
-            frames,
+            shots,
+            pictures: Box::new(pictures),
             skipped,
             notes,
         };
@@ -206,9 +208,5 @@ fn assumed(folder: &Path, notes: &mut Vec<String>) -> [f64; 4] {
 impl Layer for Tum {
     fn below(&self) -> &dyn Dataset {
         &self.recording
-    }
-
-    fn frame(&self, index: usize) -> Result<RgbdFrame, DatasetError> {
-        self.recording.frame(index)
     }
 }

@@ -45,6 +45,20 @@ pub struct BridgeProgress {
     pub durable_through: Option<u64>,
 }
 
+impl BridgeProgress {
+    /// Why there is no frame, in words.
+    pub(super) fn missing(&self) -> String {
+        match self {
+            Self { without_pose: 1.., .. } => format!("{} frames had no pose", self.without_pose),
+            Self { damaged: 1.., .. } => format!("{} messages cannot be read", self.damaged),
+            Self { colors: 1.., .. } => {
+                format!("no depth came with {} color pictures", self.colors)
+            }
+            _ => "it sent no pictures".into(),
+        }
+    }
+}
+
 /// The counts, and who listens to them.
 pub(super) struct Board<'a> {
     progress: Mutex<BridgeProgress>,

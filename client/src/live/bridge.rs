@@ -3,6 +3,7 @@
 use super::board::{Board, BridgeEvent, BridgeProgress};
 use super::options::{BridgeError, BridgeOptions};
 use super::{robot, sink};
+use crate::dataset::is_map_name;
 use std::pin::pin;
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
@@ -18,12 +19,16 @@ const LAST: Duration = Duration::from_secs(30);
 /// robot or the server goes away.
 ///
 /// # Errors
-/// [`BridgeError`] if an address is wrong, or the server refuses the map.
+/// [`BridgeError`] if an address or the map's name is wrong, something else than a robot answers, the server
+/// refuses the map, or no frame came until the bridge was stopped.
 pub async fn bridge(
     options: &BridgeOptions,
     stop: impl Future<Output = ()>,
     tell: impl Fn(BridgeEvent) + Sync,
 ) -> Result<BridgeProgress, BridgeError> {
+    if !is_map_name(&options.map) {
+        return Err(BridgeError::Name { found: options.map.clone() });
+    }
     let board = Board::new(&tell);
     let (out, passed) = mpsc::channel(WAITING);
     let (end, ends) = watch::channel(false);
@@ -35,13 +40,16 @@ pub async fn bridge(
         () = stop => None,
     };
     end.send_replace(true);
-    receiving.await?;
+    let received = receiving.await;
     match sent {
         Some(sent) => sent?,
-        None => match timeout(LAST, sending).await {
-            Ok(sent) => sent?,
-            Err(_) => board.tell("the server does not answer: the last frames may be missing"),
-        },
+        None => {
+            received?;
+            match timeout(LAST, sending).await {
+                Ok(sent) => sent?,
+                Err(_) => board.tell("the server does not answer: the last frames may be missing"),
+            }
+        }
     }
     Ok(board.progress())
 }

@@ -7,7 +7,7 @@
 use super::board::BridgeProgress;
 use crate::dataset::RgbdFrame;
 use crate::messages::{DEPTH_UNIT_METRES, Decoder, Kind, MessageError, Picture, Reading};
-use crate::rig::{Rig, Survey, Wanted, window};
+use crate::rig::{Rig, Survey, Wanted, frame_pictures, window};
 use crate::stream::{MapSpec, Poses};
 use std::collections::VecDeque;
 use tokio_tungstenite::tungstenite::Bytes;
@@ -224,9 +224,10 @@ impl Running {
     fn frame(&mut self, color: &Kept, counts: &mut BridgeProgress) -> Option<RgbdFrame> {
         let place = self.nearest(color.nanos)?;
         let depth = self.depths.waiting.drain(..=place).next_back()?;
+        let shot = self.rig.shot(0, color.nanos, depth.nanos);
         let made = picture(&color.arrived).and_then(|color| {
-            let depth = picture(&depth.arrived)?;
-            self.rig.frame(0, &color, &depth)
+            let both = frame_pictures(self.rig.cameras(), &color, &picture(&depth.arrived)?)?;
+            Ok(shot.frame(both))
         });
         self.rig.forget_before(color.nanos.saturating_sub(POSE_PATIENCE_NANOS));
         match made {

@@ -7,6 +7,7 @@
 
 mod board;
 mod bridge;
+mod connect;
 mod intake;
 mod options;
 mod protocol;

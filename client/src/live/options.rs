@@ -24,6 +24,21 @@ pub struct BridgeOptions {
     pub frames: Option<u64>,
 }
 
+impl BridgeOptions {
+    /// A bridge that chooses everything by what the robot sends, to a server that asks nobody who is calling.
+    pub fn new(robot: &str, grpc: &str, map: &str) -> Self {
+        Self {
+            robot: robot.into(),
+            grpc: grpc.into(),
+            access: Access::default(),
+            map: map.into(),
+            poses: None,
+            wanted: Wanted::default(),
+            frames: None,
+        }
+    }
+}
+
 /// Why a bridge cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
@@ -33,6 +48,31 @@ pub enum BridgeError {
         /// The text that was given.
         found: String,
         /// What is wrong with it.
+        reason: String,
+    },
+    /// The map cannot be called so.
+    #[error("map: expected 1 to 64 of A-Z a-z 0-9 . _ - and not a dot first, found {found:?}")]
+    Name {
+        /// The text that was given.
+        found: String,
+    },
+    /// Something else than a robot answers at its address.
+    #[error(
+        "{robot} is no robot that can be read: {reason}; start foxglove_bridge on the robot and give its port, as a \
+         rule 8765"
+    )]
+    NoRobot {
+        /// The robot's address.
+        robot: String,
+        /// What answers there.
+        reason: String,
+    },
+    /// The bridge was stopped before any frame came.
+    #[error("no frame came from {robot}: {reason}")]
+    NoFrames {
+        /// The robot's address.
+        robot: String,
+        /// What was missing at last.
         reason: String,
     },
     /// The server refuses the map or its frames, or its address is wrong.

@@ -1,6 +1,7 @@
 //! The side of the robot: connects, subscribes, and passes frames on.
 
 use super::board::Board;
+use super::connect::{NotConnected, Socket, connect, request};
 use super::intake::{Arrived, Intake};
 use super::options::{BridgeError, BridgeOptions, Waits};
 use super::protocol::{self, Channel, Said};
@@ -10,17 +11,10 @@ use crate::stream::MapSpec;
 use futures::{SinkExt as _, StreamExt as _};
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
-use tokio::net::TcpStream;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
-use tokio_tungstenite::tungstenite::handshake::client::Request;
-use tokio_tungstenite::tungstenite::http::{HeaderValue, header::SEC_WEBSOCKET_PROTOCOL};
-use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
-use tokio_tungstenite::tungstenite::{Error, Message, Utf8Bytes};
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
+use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
 
-const CONNECT_WITHIN: Duration = Duration::from_secs(10);
 /// How long saying goodbye may take.
 const GOODBYE: Duration = Duration::from_secs(2);
 /// How long topics are looked at before some are chosen.
@@ -35,8 +29,6 @@ const PING_EVERY: Duration = Duration::from_secs(5);
 const MOST_ASKED_AGAIN: u32 = 20;
 /// A robot that says nothing, not even to a ping, is gone.
 const SILENCE: Duration = Duration::from_secs(20);
-/// The largest message: a raw picture of 5000x4000 pixels, bytes.
-const LARGEST: usize = 64 << 20;
 
 /// What is passed on to the server's side.
 pub(super) enum Passed {
@@ -48,6 +40,9 @@ pub(super) enum Passed {
 
 /// Connects again and again, until `ends` is true or nobody takes frames any more. `out` is dropped at the
 /// end.
+///
+/// # Errors
+/// [`BridgeError`] if the address is wrong, something else than a robot answers, or no frame came.
 pub(super) async fn receive(
     options: &BridgeOptions,
     out: mpsc::Sender<Passed>,
@@ -55,16 +50,22 @@ pub(super) async fn receive(
     board: &Board<'_>,
 ) -> Result<(), BridgeError> {
     let request = request(&options.robot)?;
-    let url = request.uri();
+    let url = request.uri().to_string();
     let mut intake = Intake::new(&options.wanted, options.poses);
     let mut waits = Waits::new();
+    let mut last = String::new();
     while !*ends.borrow() && !out.is_closed() {
         let connecting = tokio::select! {
             connecting = connect(request.clone()) => connecting,
             _ = ends.wait_for(|end| *end) => break,
         };
         let reason = match connecting {
-            Err(error) => format!("cannot connect to {url}: {error}"),
+            Err(NotConnected { reason, is_other: true })
+                if board.progress().robot_connections == 0 =>
+            {
+                return Err(BridgeError::NoRobot { robot: url, reason });
+            }
+            Err(NotConnected { reason, .. }) => format!("cannot connect to {url}: {reason}"),
             Ok(socket) => {
                 board.count(|counts| counts.robot_connections += 1);
                 board.tell(format!("connected to {url}"));
@@ -73,6 +74,7 @@ pub(super) async fn receive(
                     reason = session.run() => reason,
                     _ = ends.wait_for(|end| *end) => {
                         let _ = timeout(GOODBYE, session.socket.close(None)).await;
+                        last = session.missing.unwrap_or_else(|| board.progress().missing());
                         break;
                     }
                 };
@@ -87,37 +89,12 @@ pub(super) async fn receive(
         }
         let wait = waits.next();
         board.tell(format!("{reason}; trying again in {:.1} s", wait.as_secs_f64()));
+        last = reason;
         let _ = timeout(wait, ends.wait_for(|end| *end)).await;
     }
-    Ok(())
-}
-
-/// The request for a connection to `ws://HOST:PORT`, `wss://HOST:PORT` or `HOST:PORT`.
-fn request(robot: &str) -> Result<Request, BridgeError> {
-    let wrong = |reason: String| BridgeError::Address { found: robot.to_owned(), reason };
-    let url = if robot.contains("://") { robot.to_owned() } else { format!("ws://{robot}") };
-    let mut request = url.into_client_request().map_err(|error| wrong(error.to_string()))?;
-    let scheme = request.uri().scheme_str().unwrap_or_default();
-    if scheme != "ws" && scheme != "wss" {
-        return Err(wrong(format!("{scheme} is no WebSocket")));
-    }
-    if request.uri().host().unwrap_or_default().is_empty() {
-        return Err(wrong("there is no host".into()));
-    }
-    let protocols = HeaderValue::from_static(protocol::PROTOCOLS);
-    request.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, protocols);
-    Ok(request)
-}
-
-type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
-
-async fn connect(request: Request) -> Result<Socket, Error> {
-    let config =
-        WebSocketConfig::default().max_message_size(Some(LARGEST)).max_frame_size(Some(LARGEST));
-    let connecting = connect_async_with_config(request, Some(config), true);
-    match timeout(CONNECT_WITHIN, connecting).await {
-        Ok(connected) => Ok(connected?.0),
-        Err(_) => Err(Error::Io(std::io::ErrorKind::TimedOut.into())),
+    match board.progress().frames {
+        0 => Err(BridgeError::NoFrames { robot: url, reason: last }),
+        _ => Ok(()),
     }
 }
 
@@ -142,6 +119,8 @@ struct Session<'a> {
     heard: Instant,
     pinged: Instant,
     reminded: Option<Instant>,
+    /// What is missing before topics can be chosen, in words.
+    missing: Option<String>,
     has_data: bool,
     /// Channels that were asked for before the robot knew them.
     early: Vec<u64>,
@@ -170,6 +149,7 @@ impl<'a> Session<'a> {
             heard: now,
             pinged: now,
             reminded: None,
+            missing: None,
             has_data: false,
             early: Vec::new(),
             asked_again: 0,
@@ -310,6 +290,7 @@ impl<'a> Session<'a> {
     async fn choose(&mut self) -> Result<(), String> {
         match self.intake.choose(self.map) {
             Ok((spec, notes)) => {
+                self.missing = None;
                 notes.into_iter().for_each(|note| self.board.tell(note));
                 let passed = self.out.send(Passed::Map(Box::new(spec))).await;
                 passed.map_err(|_| "the bridge ends".to_owned())?;
@@ -321,6 +302,7 @@ impl<'a> Session<'a> {
                     self.reminded = Some(Instant::now());
                     self.board.tell(format!("waiting: {reason}"));
                 }
+                self.missing = Some(reason);
                 Ok(())
             }
         }

@@ -4,7 +4,7 @@ use super::board::Board;
 use super::options::{BridgeError, BridgeOptions, Waits};
 use super::robot::Passed;
 use crate::dataset::RgbdFrame;
-use crate::stream::{ClientError, FrameAck, FrameStatus, FrameStream, MapSpec};
+use crate::stream::{ClientError, FrameAck, FrameStatus, FrameStream, MapSpec, find};
 use std::collections::VecDeque;
 use tokio::sync::mpsc;
 use tonic::Code;
@@ -59,6 +59,11 @@ pub(super) async fn send(
     mut passed: mpsc::Receiver<Passed>,
     board: &Board<'_>,
 ) -> Result<(), BridgeError> {
+    // What is wrong with the server is told before the robot sends anything.
+    match find(&options.grpc, &options.access, &options.map).await {
+        Err(error) if is_passing(&error) => board.tell(format!("{error}; frames will wait for it")),
+        found => found?,
+    }
     let Some(Passed::Map(spec)) = passed.recv().await else { return Ok(()) };
     let mut pending = Pending::default();
     let mut waits = Waits::new();

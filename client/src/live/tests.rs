@@ -1,13 +1,20 @@
 //! The protocol's messages, and frames made of messages in any order.
 
-use super::board::BridgeProgress;
+use super::board::{BridgeEvent, BridgeProgress};
+use super::bridge::bridge;
 use super::intake::{Arrived, Intake};
+use super::options::{BridgeError, BridgeOptions};
 use super::protocol::{Channel, Data, Said, data, said, subscribe, unsubscribe};
 use crate::dataset::RgbdFrame;
 use crate::messages::Decoder;
 use crate::rig::Wanted;
 use crate::stream::Poses;
 use serde_json::{Value, json};
+use std::future::pending;
+use std::sync::Mutex;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpListener;
 
 #[test]
 fn what_a_robot_says_is_read() {
@@ -215,6 +222,22 @@ fn a_picture_waits_for_its_pose() {
 }
 
 #[test]
+fn what_was_missing_is_told_by_the_counts() {
+    let none = BridgeProgress::default();
+    assert_eq!(none.missing(), "it sent no pictures");
+    let mut robot = running(Some(Poses::Estimate), false);
+    robot.color(100);
+    assert_eq!(robot.counts.missing(), "no depth came with 1 color pictures");
+    let mut robot = running(None, true);
+    for milliseconds in [2000, 3100] {
+        robot.color(milliseconds);
+        robot.depth(milliseconds);
+    }
+    robot.frames();
+    assert_eq!(robot.counts.missing(), "1 frames had no pose");
+}
+
+#[test]
 fn damaged_messages_are_counted() {
     let mut robot = running(Some(Poses::Estimate), false);
     let decoder = Decoder::of("json", "foxglove.RawImage").unwrap();
@@ -233,4 +256,88 @@ fn damaged_messages_are_counted() {
     robot.color(200);
     robot.depth(200);
     assert_eq!(robot.frames(), [200], "control");
+}
+
+/// An address at which nothing listens.
+const NOWHERE: &str = "127.0.0.1:1";
+
+/// A bridge from a port to a server that is not there, and what it told.
+async fn bridged(port: &str, seconds: f64) -> (Result<BridgeProgress, BridgeError>, String) {
+    let options = BridgeOptions::new(port, NOWHERE, "kitchen");
+    let told = Mutex::new(String::new());
+    let tell = |event| {
+        if let BridgeEvent::Told(what) = event {
+            *told.lock().unwrap() += &format!("{what}\n");
+        }
+    };
+    let ended = bridge(&options, tokio::time::sleep(Duration::from_secs_f64(seconds)), tell).await;
+    let told = told.into_inner().unwrap();
+    (ended, told)
+}
+
+/// Answers every connection so, after it has read the request; a WebSocket without a protocol if with nothing.
+async fn answering(answer: &'static str) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let port = listener.local_addr().unwrap().to_string();
+    tokio::spawn(async move {
+        while let Ok((mut socket, _)) = listener.accept().await {
+            if answer.is_empty() {
+                let _ = tokio_tungstenite::accept_async(socket).await;
+                continue;
+            }
+            let _ = socket.read(&mut [0; 4096]).await;
+            let _ = socket.write_all(answer.as_bytes()).await;
+        }
+    });
+    port
+}
+
+#[tokio::test]
+async fn a_port_that_is_no_robot_ends_the_bridge() {
+    for (answer, expected) in [
+        (
+            "HTTP/1.1 200 OK\r\ncontent-length: 0\r\n\r\n",
+            "a web server answers without a WebSocket: 200 OK",
+        ),
+        ("HTTP/1.1 404 Not Found\r\ncontent-length: 0\r\n\r\n", "404 Not Found"),
+        ("SSH-2.0-OpenSSH_9.2\r\n", "what answers is no WebSocket"),
+        ("", "a WebSocket answers that does not speak Foxglove's protocol (rosbridge?)"),
+    ] {
+        let port = answering(answer).await;
+        let (ended, told) = bridged(&port, 60.0).await;
+        let error = ended.unwrap_err();
+        assert!(matches!(error, BridgeError::NoRobot { .. }), "{answer}: {error}\n{told}");
+        let error = error.to_string();
+        assert!(error.contains(expected) && error.contains("start foxglove_bridge"), "{error}");
+        assert!(!told.contains("trying again"), "{told}");
+    }
+    // Negative controls: what may become a robot is tried again, and it is an error if it never does.
+    let nobody = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();
+    let busy = "HTTP/1.1 503 Service Unavailable\r\ncontent-length: 0\r\n\r\n";
+    for (port, expected) in
+        [(nobody, "nothing listens there"), (answering(busy).await, "503 Service Unavailable")]
+    {
+        let (ended, told) = bridged(&port, 1.0).await;
+        assert!(told.contains("trying again in 0.5 s"), "{told}");
+        let error = ended.unwrap_err();
+        assert!(matches!(error, BridgeError::NoFrames { .. }), "{error}");
+        assert!(error.to_string().starts_with("no frame came from ws://127.0.0.1:"), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+        let no_server = "no server at 127.0.0.1:1: start lexsplat-server; frames will wait for it";
+        assert!(told.contains(no_server), "{told}");
+    }
+}
+
+#[tokio::test]
+async fn wrong_names_and_addresses_end_the_bridge_at_once() {
+    for (map, grpc, expected) in [
+        ("a/b", NOWHERE, "map: expected 1 to 64 of A-Z a-z 0-9 . _ - and not a dot first"),
+        ("", NOWHERE, "map: expected"),
+        (".hidden", NOWHERE, "map: expected"),
+        ("kitchen", "nowhere", "grpc: expected HOST:PORT"),
+    ] {
+        let error = bridge(&BridgeOptions::new(NOWHERE, grpc, map), pending(), |_| {}).await;
+        let error = error.unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+    }
 }

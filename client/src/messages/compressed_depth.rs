@@ -8,7 +8,6 @@ use crate::dataset::{Depth, DepthFormat};
 
 /// Bytes of the header.
 const HEADER: usize = 12;
-const PNG_MAGIC: &[u8] = b"\x89PNG";
 /// The most pixels that a picture may have; the server takes fewer.
 const MOST_PIXELS: u64 = 1 << 27;
 
@@ -25,7 +24,7 @@ impl<'a> Parts<'a> {
     fn of(format: &str, data: &'a [u8]) -> Result<Self, MessageError> {
         let (is_metres, is_rvl) = (format.starts_with("32FC1"), format.contains("rvl"));
         // Some senders leave the header out.
-        if data.starts_with(PNG_MAGIC) && !is_metres {
+        if encoded::png_kind(data).is_some() && !is_metres {
             return Ok(Self { parameters: [0.0; 2], is_metres, is_rvl: false, body: data });
         }
         let (header, body) = data.split_at_checked(HEADER).ok_or_else(short)?;

@@ -35,7 +35,13 @@ fn calibrated(
     let found = calibration.of_pictures(pictures.picture.size, is_rectified(pictures.topic));
     let found = found
         .map_err(|error| RigError::Camera { topic: info.to_owned(), reason: error.to_string() })?;
-    notes.extend(found.notes.into_iter().map(|note| format!("{info}: {note}")));
+    for note in found.notes {
+        let note = format!("{info}: {note}");
+        // Color and depth may have one calibration.
+        if !notes.contains(&note) {
+            notes.push(note);
+        }
+    }
     Ok(found.camera)
 }
 

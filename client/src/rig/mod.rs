@@ -2,8 +2,8 @@
 //!
 //! A [`Survey`] looks at the messages of every topic. [`Rig::of`] chooses a color topic, a depth topic,
 //! their calibrations and the source of poses by what the topics hold, or as [`Wanted`] says, and tells
-//! what it chose in [`Rig::notes`]. Then [`pair`] finds the depth of each color picture, and [`Rig::frame`]
-//! makes a frame of both. Nothing here knows files or networks: recordings are read with it, and so may
+//! what it chose in [`Rig::notes`]. Then [`pair`] finds the depth of each color picture, and [`frame_pictures`]
+//! makes a frame's pictures of both. Nothing here knows files or networks: recordings are read with it, and so may
 //! live messages be.
 
 mod cameras;
@@ -22,6 +22,6 @@ mod tests;
 
 pub use error::RigError;
 pub use pairs::{pair, window};
-pub use robot::Rig;
+pub use robot::{Rig, frame_pictures};
 pub use survey::Survey;
 pub use wanted::Wanted;

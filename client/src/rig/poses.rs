@@ -29,6 +29,12 @@ impl Poses {
         camera: &str,
         wanted: &Wanted,
     ) -> Result<Self, RigError> {
+        let above = tree.ancestors(camera);
+        if let Some(frame) = wanted.pose_frame.as_deref().filter(|f| !above.contains(&plain(f))) {
+            let expected = format!("the camera's frame or one above it ({})", above.join(", "));
+            let (option, value) = ("pose_frame", frame.to_owned());
+            return Err(RigError::Wanted { option, value, expected });
+        }
         let search = Search { survey, camera, wanted };
         match wanted.pose.as_deref() {
             Some("none") => Ok(Self::none("none are wanted (pose=none)".into())),
@@ -151,11 +157,6 @@ impl Search<'_> {
         let child = plain(child).to_owned();
         let above = tree.ancestors(self.camera);
         if !above.contains(&child.as_str()) {
-            if let Some(wanted) = wanted {
-                let expected = format!("the camera's frame or one above it ({})", above.join(", "));
-                let (option, value) = ("pose_frame", wanted.to_owned());
-                return Err(RigError::Wanted { option, value, expected });
-            }
             return Ok(Err(format!("no transforms connect {child} with {}", self.camera)));
         }
         // Some senders put the camera's own name there: then the topic names the world.

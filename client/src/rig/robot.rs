@@ -7,7 +7,7 @@ use super::poses::Poses;
 use super::survey::{Survey, is_fixed, unnamed};
 use super::tree::{Tree, plain};
 use super::wanted::Wanted;
-use crate::dataset::{Cameras, FrameExtras, RgbdFrame};
+use crate::dataset::{Cameras, Color, Depth, FrameExtras, Shot};
 use crate::messages::{Gravity, Kind, MessageError, Picture, Reading};
 use nalgebra::{Isometry3, Vector3};
 
@@ -165,32 +165,19 @@ impl Rig {
         self.tree.lookup(world, &self.camera, nanos)
     }
 
-    /// A frame of a color picture and its depth, which were paired. The time is that of color.
-    ///
-    /// # Errors
-    /// [`MessageError`] if a picture is damaged, or has another size than the camera.
-    pub fn frame(
-        &self,
-        sequence: u64,
-        color: &Picture<'_>,
-        depth: &Picture<'_>,
-    ) -> Result<RgbdFrame, MessageError> {
-        let lens = self.cameras.color.intrinsics;
-        check_size("color", color, (lens.width, lens.height))?;
-        check_size("depth", depth, self.cameras.depth_size())?;
-        let is_apart = depth.nanos.abs_diff(color.nanos) > TOGETHER_NANOS;
-        Ok(RgbdFrame {
+    /// A frame without its pictures, of color and depth that were taken at these times, nanoseconds.
+    pub(crate) fn shot(&self, sequence: u64, color_nanos: u64, depth_nanos: u64) -> Shot {
+        let is_apart = depth_nanos.abs_diff(color_nanos) > TOGETHER_NANOS;
+        Shot {
             sequence,
-            timestamp_nanos: color.nanos,
-            color: color.color()?,
-            depth: depth.depth()?,
-            world_from_camera: self.pose_at(color.nanos).ok(),
+            nanos: color_nanos,
+            world_from_camera: self.pose_at(color_nanos),
             extras: FrameExtras {
                 intrinsics: None,
-                depth_timestamp_nanos: is_apart.then_some(depth.nanos),
-                up: self.up_at(color.nanos),
+                depth_timestamp_nanos: is_apart.then_some(depth_nanos),
+                up: self.up_at(color_nanos),
             },
-        })
+        }
     }
 
     /// The direction up in the color camera's coordinates, if an IMU tells it.
@@ -204,6 +191,21 @@ impl Rig {
         let camera_from_imu = self.tree.lookup(&self.camera, frame_id, nanos).ok()?;
         Some((camera_from_imu.rotation * up).into())
     }
+}
+
+/// Color and depth of messages, as frames of these cameras have them.
+///
+/// # Errors
+/// [`MessageError`] if a picture is damaged, or has another size than its camera.
+pub fn frame_pictures(
+    cameras: &Cameras,
+    color: &Picture<'_>,
+    depth: &Picture<'_>,
+) -> Result<(Color, Depth), MessageError> {
+    let lens = cameras.color.intrinsics;
+    check_size("color", color, (lens.width, lens.height))?;
+    check_size("depth", depth, cameras.depth_size())?;
+    Ok((color.color()?, depth.depth()?))
 }
 
 fn check_size(what: &str, picture: &Picture<'_>, expected: (u32, u32)) -> Result<(), MessageError> {

@@ -2,7 +2,7 @@
 
 use super::track::Track;
 use super::tree::Tree;
-use super::{Rig, RigError, Survey, Wanted, pair, window};
+use super::{Rig, RigError, Survey, Wanted, frame_pictures, pair, window};
 use crate::dataset::{DepthCamera, DepthFormat};
 use crate::messages::{
     Calibration, Decoder, Gravity, Picture, Pixels, Posed, Reading, Region, Transform,
@@ -119,15 +119,35 @@ fn a_robot_is_put_together() {
 
     let (color, depth) = (raw("rgb8", "color", BIG), raw("16UC1", "depth", SMALL));
     let late = Picture { nanos: SECOND + 2_000_000, ..depth.clone() };
-    let frame = rig.frame(3, &color, &late).unwrap();
-    assert_eq!((frame.sequence, frame.timestamp_nanos), (3, SECOND));
-    assert_eq!(frame.extras.depth_timestamp_nanos, Some(SECOND + 2_000_000));
-    assert_eq!(frame.depth.format, DepthFormat::U16);
-    assert!((frame.world_from_camera.unwrap().translation.x - 1.12).abs() < 1e-9);
-    let frame = rig.frame(3, &color, &depth).unwrap();
-    assert_eq!(frame.extras.depth_timestamp_nanos, None);
-    let error = rig.frame(3, &color, &raw("16UC1", "depth", BIG)).unwrap_err().to_string();
+    let shot = rig.shot(3, color.nanos, late.nanos);
+    assert_eq!((shot.sequence, shot.nanos), (3, SECOND));
+    assert_eq!(shot.extras.depth_timestamp_nanos, Some(SECOND + 2_000_000));
+    assert_eq!(frame_pictures(cameras, &color, &depth).unwrap().1.format, DepthFormat::U16);
+    assert!((shot.world_from_camera.unwrap().translation.x - 1.12).abs() < 1e-9);
+    assert_eq!(rig.shot(3, color.nanos, depth.nanos).extras.depth_timestamp_nanos, None);
+    let big = raw("16UC1", "depth", BIG);
+    let error = frame_pictures(cameras, &color, &big).unwrap_err().to_string();
     assert_eq!(error, "depth: expected 32x24 pixels, found 64x48");
+}
+
+#[test]
+fn one_calibration_of_both_pictures_is_told_of_once() {
+    let mut survey = Survey::default();
+    pictures(&mut survey, "/cam/rgb", raw("rgb8", "color", BIG));
+    pictures(&mut survey, "/cam/depth", raw("16UC1", "color", BIG));
+    info(&mut survey, "/cam/camera_info", "color", (128, 96), 100.0);
+    let rig = Rig::of(&survey, &Wanted::default()).unwrap();
+    let told = rig.notes().iter().filter(|note| note.contains("is scaled to 64x48"));
+    assert_eq!(told.count(), 1, "{:?}", rig.notes());
+}
+
+#[test]
+fn a_frame_that_is_not_there_is_refused_although_transforms_need_none() {
+    let error = Rig::of(&robot(), &wanted("pose_frame=nope")).unwrap_err().to_string();
+    let expected =
+        "pose_frame=nope: expected the camera's frame or one above it (color, link, base, odom)";
+    assert_eq!(error, expected);
+    Rig::of(&robot(), &wanted("pose_frame=base")).expect("negative control");
 }
 
 #[test]
@@ -334,12 +354,7 @@ fn an_imu_tells_up_where_the_world_does_not() {
         survey.take("/imu", Reading::Gravity(Some(gravity)));
     }
     let rig = Rig::of(&survey, &Wanted::default()).unwrap();
-    let color = raw("rgb8", "color", BIG);
-    let up = |nanos: u64| {
-        let picture = Picture { nanos, ..color.clone() };
-        let depth = Picture { nanos, ..raw("16UC1", "color", BIG) };
-        rig.frame(0, &picture, &depth).unwrap().extras.up
-    };
+    let up = |nanos: u64| rig.shot(0, nanos, nanos).extras.up;
     let [_, y, _] = up(SECOND).unwrap();
     assert!((y + 1.0).abs() < 1e-9, "z of the IMU is -y of the camera");
     assert!((up(0).unwrap()[1] - 1.0).abs() < 1e-9, "it was held upside down then");

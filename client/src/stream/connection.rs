@@ -111,6 +111,20 @@ impl FrameStream {
     }
 }
 
+/// Looks for the server, and for a map that may be used; a map that is not there yet is no error.
+///
+/// # Errors
+/// [`ClientError`] if the address is wrong, nothing listens there, or the caller is not known.
+pub async fn find(grpc: &str, access: &Access, map: &str) -> Result<(), ClientError> {
+    let mut client = connect(grpc, access).await?;
+    match client.get_map(v1::GetMapRequest { name: map.to_owned() }).await {
+        Ok(_) => Ok(()),
+        // A robot's token may be for writing only.
+        Err(status) if matches!(status.code(), Code::NotFound | Code::PermissionDenied) => Ok(()),
+        Err(status) => Err(ClientError::of_status(status, grpc)),
+    }
+}
+
 /// Sends the frames of an open stream.
 #[derive(Clone, Debug)]
 pub struct FrameSender(mpsc::Sender<FrameMessage>);

@@ -15,7 +15,7 @@ mod wire;
 #[cfg(test)]
 mod tests;
 
-pub use connection::{Acks, FrameSender, FrameStream, MapSpec};
+pub use connection::{Acks, FrameSender, FrameStream, MapSpec, find};
 pub use error::ClientError;
 pub use lexsplat_proto::v1::{FrameAck, FrameStatus};
 pub use options::{Encoder, Poses, StreamOptions};

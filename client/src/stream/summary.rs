@@ -32,8 +32,8 @@ pub struct Progress {
 pub struct InputWarning {
     /// Number of the frame with which the server noticed it.
     pub sequence: u64,
-    /// `depth_unit`, `inverted_poses`, `camera_axes`, `unregistered_depth`, `repeated_depth` or
-    /// `bad_beginning`.
+    /// `depth_unit`, `inverted_poses`, `camera_axes`, `unregistered_depth`, `repeated_depth`,
+    /// `bad_beginning` or `no_depth`.
     pub problem: String,
     /// What is wrong, how sure that is, and what to do.
     pub message: String,
@@ -61,6 +61,7 @@ fn problem_name(problem: InputProblem) -> &'static str {
         InputProblem::UnregisteredDepth => "unregistered_depth",
         InputProblem::RepeatedDepth => "repeated_depth",
         InputProblem::BadBeginning => "bad_beginning",
+        InputProblem::NoDepth => "no_depth",
     }
 }
 

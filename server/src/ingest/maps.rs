@@ -83,6 +83,7 @@ pub(super) fn wire_warnings(warnings: Vec<InputWarning>) -> Vec<v1::InputWarning
             InputProblem::UnregisteredDepth => v1::InputProblem::UnregisteredDepth,
             InputProblem::RepeatedDepth => v1::InputProblem::RepeatedDepth,
             InputProblem::BadBeginning => v1::InputProblem::BadBeginning,
+            InputProblem::NoDepth => v1::InputProblem::NoDepth,
         };
         v1::InputWarning { problem: problem.into(), message }
     };

@@ -19,6 +19,8 @@ pub enum InputProblem {
     RepeatedDepth,
     /// The first frames could not be tracked together with later ones: the map began anew.
     BadBeginning,
+    /// No frame so far has any depth.
+    NoDepth,
 }
 
 impl InputProblem {
@@ -31,6 +33,7 @@ impl InputProblem {
             Self::UnregisteredDepth => "unregistered_depth",
             Self::RepeatedDepth => "repeated_depth",
             Self::BadBeginning => "bad_beginning",
+            Self::NoDepth => "no_depth",
         }
     }
 }

@@ -125,7 +125,7 @@ pub const CRATES: &[Declared] = &[
             &["dataset/pose", "dataset/prepare"],
             &["dataset/described", "dataset/inspect"],
             &["dataset/recording"],
-            &["dataset/capture", "dataset/timed"],
+            &["dataset/inflate", "dataset/picture_files", "dataset/timed"],
             &[
                 "dataset/folder",
                 "dataset/nerfstudio",

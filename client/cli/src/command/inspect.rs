@@ -4,7 +4,7 @@ use crate::dataset::{DatasetSpec, recognised};
 use crate::files::plain;
 use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
-use lexsplat_client::dataset::{DepthCameraSeen, DistortionSeen, Inspection, inspect};
+use lexsplat_client::dataset::{DepthCameraSeen, DistortionSeen, Inspection, inspect, shown};
 use lexsplat_client::stream::Poses;
 
 /// Say what a recording holds, what of it would be used, and what is wrong with it
@@ -50,16 +50,15 @@ fn spec(text: &str) -> Result<DatasetSpec> {
 }
 
 /// A camera in a few words.
-fn lens(
-    [width, height]: [u32; 2],
-    [fx, fy, cx, cy]: [f64; 4],
-    bent: Option<&DistortionSeen>,
-) -> String {
+fn lens([width, height]: [u32; 2], camera: [f64; 4], bent: Option<&DistortionSeen>) -> String {
     let bent = bent.map_or(String::new(), |DistortionSeen { model, coefficients }| {
-        let numbers: Vec<String> = coefficients.iter().map(f64::to_string).collect();
-        format!(", {model} {}", numbers.join(" "))
+        format!(", {model} {}", numbers(coefficients))
     });
-    format!("{width}x{height}, fx fy cx cy = {fx} {fy} {cx} {cy}{bent}")
+    format!("{width}x{height}, fx fy cx cy = {}{bent}", numbers(&camera))
+}
+
+fn numbers(all: &[f64]) -> String {
+    all.iter().map(|number| shown(*number)).collect::<Vec<_>>().join(" ")
 }
 
 fn depth_camera(found: &DepthCameraSeen) -> String {
@@ -87,7 +86,7 @@ fn described(spec: &DatasetSpec, found: &Inspection) -> String {
         None => "depth    none was found".into(),
         Some(depth) => format!(
             "depth    {} m per unit; {:.0} % of the pixels measured, median {:.2} m, 99 % within {:.2} m",
-            found.depth_unit_metres,
+            shown(found.depth_unit_metres),
             100.0 * depth.measured,
             depth.median_metres,
             depth.far_metres
@@ -113,6 +112,13 @@ fn described(spec: &DatasetSpec, found: &Inspection) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let camera = [1e300, 525.0, 319.5, -1e-9];
+        let told = lens([640, 480], camera, None);
+        assert_eq!(told, "640x480, fx fy cx cy = 1e300 525 319.5 -1e-9");
+    }
 
     #[test]
     fn a_folder_is_recognised_or_named_by_its_kind() {

@@ -1,7 +1,7 @@
 //! The layouts of nerfstudio and of described folders, in files written here, and what an inspection says.
 
 use super::*;
-use crate::dataset::{DepthCamera, Inspection, inspect};
+use crate::dataset::{DepthCamera, FrameRate, Inspection, inspect};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 /// Places of three frames: the camera goes right and turns right.
@@ -259,4 +259,31 @@ fn an_inspection_says_what_is_wrong() {
     }
     let found = inspected("replica", f);
     assert_eq!(found.problems[1], "no frame that was looked at has depth");
+}
+
+#[test]
+fn layouts_without_times_take_a_rate() {
+    let rate = FrameRate::try_from(12.5).unwrap();
+    let folders = [nerfstudio(|_| ()), replica(), seven_scenes()];
+    let [one, two, three] = folders.each_ref().map(TempDir::path);
+    let open = |rate| -> [Box<dyn Dataset>; 3] {
+        [
+            Box::new(Nerfstudio::open(one).unwrap().at_rate(rate)),
+            Box::new(Replica::open(two).unwrap().at_rate(rate)),
+            Box::new(SevenScenes::open(three).unwrap().at_rate(rate)),
+        ]
+    };
+    for (dataset, usual) in open(rate).iter().zip(open(FrameRate::default())) {
+        let last = dataset.len() - 1;
+        let nanos = dataset.sequence(last) * 80_000_000;
+        assert_eq!(dataset.moment(last).unwrap().timestamp_nanos, nanos);
+        assert_eq!(dataset.frame(last).unwrap().timestamp_nanos, nanos);
+        // Negative control: 30 frames a second if nobody says so.
+        let thirtieths = dataset.sequence(last) * 1_000_000_000 / 30;
+        assert_eq!(usual.moment(last).unwrap().timestamp_nanos, thirtieths);
+    }
+    for wrong in [0.0, -3.0, f64::NAN, f64::INFINITY, 1e5] {
+        let error = FrameRate::try_from(wrong).unwrap_err();
+        assert!(error.starts_with("frames_per_second: expected 0.001 to 10000, found"), "{error}");
+    }
 }

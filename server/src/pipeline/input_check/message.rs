@@ -71,6 +71,15 @@ pub(super) fn of_size(metres: f32) -> InputWarning {
     InputWarning { problem: InputProblem::DepthUnit, message }
 }
 
+/// The warning that none of the first frames has any depth.
+pub(super) fn of_no_depth(frames: usize) -> InputWarning {
+    let message = format!(
+        "None of the first {frames} frames has any depth: nothing can be mapped. Check that the depth camera \
+         sends, and which values mean no measurement (no_depth)."
+    );
+    InputWarning { problem: InputProblem::NoDepth, message }
+}
+
 /// The warning that depth does not lie on the color image.
 pub(super) fn of_registration(verdict: &registration::Verdict) -> InputWarning {
     let registration::Verdict { placement, frames, won } = *verdict;

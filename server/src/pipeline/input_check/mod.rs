@@ -5,7 +5,7 @@
 //! the color image (`registration.rs`), and whether depths are of a size that a room can have. Each check
 //! tries the usual mistakes, and speaks only if one of them explains nearly all frames far better than what
 //! was sent. Depth that repeats while color changes is looked for as long as the stream goes on
-//! (`repeated_depth.rs`). The checks refuse nothing and do not touch the map.
+//! (`repeated_depth.rs`), and a stream without any depth is told of. The checks refuse nothing and do not touch the map.
 
 mod edges;
 mod fit;
@@ -55,6 +55,8 @@ pub(super) struct InputCheck {
     poses: Option<PoseCheck>,
     registration: Option<RegistrationCheck>,
     repeated_depth: RepeatedDepthCheck,
+    /// Frames so far if none had any depth; `None` once one had, or it was told.
+    without_depth: Option<usize>,
 }
 
 /// What was seen in one frame.
@@ -75,6 +77,7 @@ impl InputCheck {
             poses: Some(PoseCheck::new()),
             registration: Some(RegistrationCheck::new()),
             repeated_depth: RepeatedDepthCheck::default(),
+            without_depth: Some(0),
         }
     }
 
@@ -83,6 +86,7 @@ impl InputCheck {
         let glance = Glance::new(frame);
         let repeats_depth = self.repeated_depth.repeats(&glance);
         let mut warnings: Vec<_> = self.repeated_depth.warning().into_iter().collect();
+        warnings.extend(self.check_depth(&glance));
         warnings.extend(self.examine_new(frame, glance));
         Examined { repeats_depth, warnings }
     }
@@ -108,6 +112,14 @@ impl InputCheck {
             (self.poses, self.registration) = (None, None);
         }
         warnings.into_iter().flatten().flatten().collect()
+    }
+
+    /// Whether there is any depth at all.
+    fn check_depth(&mut self, glance: &Glance) -> Option<InputWarning> {
+        let frames = self.without_depth? + 1;
+        let is_told = frames >= PATIENCE;
+        self.without_depth = (!is_told && !glance.has_any_depth()).then_some(frames);
+        (is_told && !glance.has_any_depth()).then(|| message::of_no_depth(frames))
     }
 
     fn is_done(&self) -> bool {

@@ -87,6 +87,11 @@ impl Glance {
         Self { pixels: places.map(pixel).collect() }
     }
 
+    /// Whether anything of the frame has a depth.
+    pub fn has_any_depth(&self) -> bool {
+        self.pixels.iter().any(|(_, depth)| *depth > 0.0)
+    }
+
     /// Whether enough of the frame has a depth.
     pub fn has_depth(&self) -> bool {
         let measured = self.pixels.iter().filter(|(_, depth)| *depth > 0.0).count();

@@ -103,7 +103,7 @@ pub fn choose(mut sights: Vec<Sight>, classes: &[String]) -> Vec<Sight> {
 /// The questions for a data set without ground truth.
 pub fn usual(kind: &DatasetSpec) -> Vec<String> {
     let words = match kind {
-        DatasetSpec::SevenScenes(_) => IN_SEVEN_SCENES,
+        DatasetSpec::SevenScenes(..) => IN_SEVEN_SCENES,
         _ => ANYWHERE,
     };
     words.map(str::to_owned).to_vec()
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn questions_depend_on_the_kind_of_data_set() {
-        assert!(usual(&DatasetSpec::SevenScenes("chess".into())).contains(&"screen".into()));
+        assert!(usual(&"7scenes:chess".parse().unwrap()).contains(&"screen".into()));
         assert!(!usual(&DatasetSpec::Tum("desk".into())).contains(&"screen".into()));
     }
 }

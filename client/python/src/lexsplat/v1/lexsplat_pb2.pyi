@@ -59,6 +59,7 @@ class InputProblem(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     INPUT_PROBLEM_UNREGISTERED_DEPTH: _ClassVar[InputProblem]
     INPUT_PROBLEM_REPEATED_DEPTH: _ClassVar[InputProblem]
     INPUT_PROBLEM_BAD_BEGINNING: _ClassVar[InputProblem]
+    INPUT_PROBLEM_NO_DEPTH: _ClassVar[InputProblem]
 DISTORTION_MODEL_UNSPECIFIED: DistortionModel
 DISTORTION_MODEL_BROWN_CONRADY: DistortionModel
 DISTORTION_MODEL_KANNALA_BRANDT: DistortionModel
@@ -91,6 +92,7 @@ INPUT_PROBLEM_CAMERA_AXES: InputProblem
 INPUT_PROBLEM_UNREGISTERED_DEPTH: InputProblem
 INPUT_PROBLEM_REPEATED_DEPTH: InputProblem
 INPUT_PROBLEM_BAD_BEGINNING: InputProblem
+INPUT_PROBLEM_NO_DEPTH: InputProblem
 
 class Intrinsics(_message.Message):
     __slots__ = ("width", "height", "fx", "fy", "cx", "cy")

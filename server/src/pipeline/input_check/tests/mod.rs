@@ -62,6 +62,18 @@ fn a_wrong_unit_of_depth_is_seen_against_the_poses() {
 }
 
 #[test]
+fn a_stream_without_any_depth_is_told_of_once() {
+    assert_eq!(problems(|frame| scale_depth(frame, 0.0)), [InputProblem::NoDepth]);
+    // Negative control: a camera that sends depth from its fifteenth frame on.
+    let late = |at| {
+        let mut frame = frame(at);
+        scale_depth(&mut frame, if at < PATIENCE - 1 { 0.0 } else { 1.0 });
+        frame
+    };
+    assert_eq!(warnings((0..FRAMES).map(late)), []);
+}
+
+#[test]
 fn the_factor_is_told() {
     let told = |factor| {
         let scaled = move |at| {
