@@ -184,7 +184,7 @@ fn a_build_is_as_good_as_itself_and_one_with_fewer_steps_is_not() {
 fn a_binary_that_is_no_server_is_refused_before_anything_is_measured() {
     let folder = tempfile::tempdir().expect("a folder");
     for (binary, expected) in [
-        (folder.path().join("nowhere"), "keep a copy"),
+        (folder.path().join("nowhere"), "a copy of"),
         ("/bin/false".into(), "is no build of lexsplat-server"),
     ] {
         let run = versus(&binary, "2", folder.path());

@@ -105,8 +105,10 @@ fn heading(comparison: &Comparison) -> String {
     format!(
         "{dataset}: {frames} frames, {rounds} rounds\nthis: {this}\nthat: {that}\n\
          Values are means over rounds; ratios are this build over that one, with the lowest and the highest of \
-         a round. Times of equal builds have both on the same side of 1 in one row of {} by chance; more \
-         --rounds make that rarer. Scaled ratios are of times divided by the probe's.\n",
+         a round.\n\
+         Times of equal builds have both on the same side of 1 in one row of {} by chance; more --rounds make \
+         that rarer.\n\
+         Scaled ratios are of times divided by the probe's.\n",
         comparison.one_in()
     )
 }
@@ -116,8 +118,8 @@ fn checked(program: &Path) -> Result<PathBuf> {
     let named = program.display();
     let Ok(full) = program.canonicalize() else {
         bail!(
-            "no {named}: --versus takes the binary of another build of the server; keep a copy of \
-             target/release/{PROGRAM} before you build anew"
+            "no {named}: name the binary of a build of the server, such as a copy of \
+             target/release/{PROGRAM} that was kept before the next build"
         );
     };
     let about = full.metadata().with_context(|| format!("cannot read {named}"))?;
@@ -129,8 +131,10 @@ fn checked(program: &Path) -> Result<PathBuf> {
     }
     let said = Command::new(&full).arg("--version").stdin(Stdio::null()).output();
     let said = said.with_context(|| format!("cannot start {named}"))?;
-    let [version, complaint] =
-        [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text).trim().to_owned());
+    let first_line = |text: &[u8]| {
+        String::from_utf8_lossy(text).lines().next().unwrap_or_default().trim().to_owned()
+    };
+    let (version, complaint) = (first_line(&said.stdout), first_line(&said.stderr));
     if !said.status.success() || !version.starts_with(PROGRAM) {
         let said = said.status;
         bail!(
@@ -143,6 +147,7 @@ fn checked(program: &Path) -> Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::server::ONE_AT_A_TIME;
     use std::fs::Permissions;
 
     /// A script that says what follows `#!/bin/sh`.
@@ -155,6 +160,7 @@ mod tests {
 
     #[test]
     fn only_a_server_is_taken_and_others_are_told_why() {
+        let _alone = ONE_AT_A_TIME.blocking_lock();
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let refused = |path: &Path| format!("{:#}", checked(path).unwrap_err());
@@ -162,7 +168,7 @@ mod tests {
         assert_eq!(checked(&good).unwrap(), good.canonicalize().unwrap());
 
         let missing = refused(&folder.join("nowhere"));
-        assert!(missing.contains("nowhere") && missing.contains("keep a copy"), "{missing}");
+        assert!(missing.contains("nowhere") && missing.contains("a copy of"), "{missing}");
         assert!(refused(folder).contains("not a file"));
         let plain = script(folder, "plain", "echo lexsplat-server 0.1.0", 0o644);
         assert!(refused(&plain).contains("chmod +x"));
