@@ -1,12 +1,18 @@
-//! An evaluation from end to end: a synthetic room is streamed, mapped, rendered, asked and scored.
+//! An evaluation from end to end: a synthetic room is streamed, mapped, rendered, asked and scored. And two
+//! builds of the server that are compared in turns.
 
 use lexsplat_client::Access;
 use lexsplat_client::dataset::FrameRange;
 use lexsplat_client::stream::{Encoder, Poses};
 use lexsplat_evaluate::{EvaluateError, Options, Report, Step, Target, evaluate, markdown, plot};
 use lexsplat_synthetic::SyntheticDataset;
-use lexsplat_tests::{Server, tiny_config};
+use lexsplat_tests::{Server, program, root, tiny_config};
+use serde_json::Value;
+use std::fs::Permissions;
 use std::num::NonZeroUsize;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::{Command, Output};
 use std::sync::Arc;
 
 const FRAMES: usize = 18;
@@ -22,8 +28,9 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     let range = FrameRange { end: Some(FRAMES), ..FrameRange::default() };
     let open = || Arc::from(range.of(Box::new(SyntheticDataset::new(8))).expect("it is made"));
     let (grpc, http) = (server.grpc.clone(), server.http.clone());
-    let target = Target { grpc, http, access: Access::default(), map: "measured".into() };
-    let mut steps = [false; 6];
+    let process = Some(std::process::id());
+    let target = Target { grpc, http, access: Access::default(), map: "measured".into(), process };
+    let mut steps = [false; 7];
     let on_step = |step: Step<'_>| {
         let at = match step {
             Step::Streaming(_) => 0,
@@ -32,6 +39,7 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
             Step::Asking { .. } => 3,
             Step::Locating { .. } => 4,
             Step::Judging { .. } => 5,
+            Step::Probing => 6,
         };
         steps[at] = true;
     };
@@ -64,6 +72,9 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
         assert!(report.stages.contains_key(stage), "{stage} in {:?}", report.stages);
     }
     assert!(report.peak_rss_bytes.is_some_and(|bytes| bytes > 50 << 20));
+    let probe = report.probe.as_ref().expect("the server runs on this machine");
+    assert!(probe.relative_time > 0.0 && report.scaled.is_some(), "{probe:?}");
+    assert!(report.processor_seconds_per_frame.is_some_and(|seconds| seconds > 0.0));
 
     assert_language_is_scored(report);
     assert!(measured.samples.len() == 4 && plot::psnr(&report.views).is_some());
@@ -95,4 +106,91 @@ fn assert_language_is_scored(report: &Report) {
     let presence = report.presence.as_ref().expect("the room knows its things");
     assert!(presence.judgements.len() > 100 && report.absent_accuracy.is_some());
     assert!(plot::reliability(presence).is_some());
+}
+
+/// `lexsplat evaluate --versus BINARY` with a clock that makes the same map every time.
+fn versus(binary: &Path, rounds: &str, out: &Path) -> Output {
+    let mut command = Command::new(program("lexsplat"));
+    command.args(["evaluate", "--dataset", "synthetic:8", "--frames", "8", "--held-out", "4"]);
+    command.args(["--config", "configs/tiny.toml", "--rounds", rounds, "--versus"]).arg(binary);
+    command.arg("--out").arg(out).env("LEXSPLAT__MAPPER__CLOCK", "per_frame");
+    command.current_dir(root()).output().expect("it runs")
+}
+
+/// The comparison that a run wrote.
+fn written(run: &Output, out: &Path) -> Value {
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let text = std::fs::read(out.join("versus.json")).expect("it is written");
+    serde_json::from_slice(&text).expect("it is JSON")
+}
+
+/// A quantity of a comparison.
+fn quantity<'a>(comparison: &'a Value, what: &str) -> &'a Value {
+    let quantities = comparison["quantities"].as_array().expect("a list");
+    quantities.iter().find(|one| one["what"] == what).expect(what)
+}
+
+const QUALITY: [&str; 6] = [
+    "PSNR held out, dB",
+    "SSIM held out",
+    "depth L1 held out, m",
+    "PSNR keyframes, dB",
+    "ATE RMSE, cm",
+    "Gaussians",
+];
+
+/// Times are never checked, only that they are there.
+#[test]
+fn a_build_is_as_good_as_itself_and_one_with_fewer_steps_is_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = program("lexsplat-server");
+    let run = versus(&server, "2", folder.path());
+    let same = written(&run, folder.path());
+    assert_eq!((&same["rounds"], &same["frames"]), (&2.into(), &8.into()));
+    for what in QUALITY {
+        let ratio = &quantity(&same, what)["ratio"];
+        for value in ["mean", "lowest", "highest"] {
+            assert_eq!(ratio[value], 1.0, "{what}: {ratio}");
+        }
+    }
+    let times = ["seconds per frame, all work done", "processor time per frame, s"];
+    for what in times.into_iter().chain(["tracking, ms per frame", "mapping, ms per frame"]) {
+        let time = quantity(&same, what);
+        assert_eq!(time["that"].as_array().map(Vec::len), Some(2), "{time}");
+        assert!(time["ratio"]["lowest"].as_f64() > Some(0.0), "{time}");
+        let is_scaled = time["scaled_ratio"]["mean"].as_f64() > Some(0.0);
+        assert_eq!(is_scaled, !what.contains("processor"), "{time}");
+    }
+    assert!(quantity(&same, "peak memory of the server, MiB")["ratio"].is_object());
+    let said = String::from_utf8_lossy(&run.stdout);
+    assert!(said.contains("this/that") && said.contains("PSNR held out, dB"), "{said}");
+    for turn in ["this-1", "that-1", "this-2", "that-2"] {
+        assert!(folder.path().join(turn).join("report.json").is_file(), "{turn}");
+    }
+    // Negative control.
+    let fewer = folder.path().join("fewer");
+    let script = format!(
+        "#!/bin/sh\nLEXSPLAT__MAPPER__STEPS_PER_KEYFRAME=1 exec '{}' \"$@\"\n",
+        server.display()
+    );
+    std::fs::write(&fewer, script).expect("it is written");
+    std::fs::set_permissions(&fewer, Permissions::from_mode(0o755)).expect("it is ours");
+    let out = folder.path().join("out");
+    let other = written(&versus(&fewer, "1", &out), &out);
+    let psnr = &quantity(&other, "PSNR held out, dB")["ratio"]["mean"];
+    assert!(psnr.as_f64() > Some(1.0), "{psnr}");
+}
+
+#[test]
+fn a_binary_that_is_no_server_is_refused_before_anything_is_measured() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (binary, expected) in [
+        (folder.path().join("nowhere"), "a copy of"),
+        ("/bin/false".into(), "is no build of lexsplat-server"),
+    ] {
+        let run = versus(&binary, "2", folder.path());
+        let said = String::from_utf8_lossy(&run.stderr);
+        assert!(!run.status.success() && said.contains(expected), "{said}");
+        assert!(!said.contains("round 1"), "{said}");
+    }
 }

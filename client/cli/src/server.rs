@@ -116,6 +116,11 @@ impl Server {
         }
     }
 
+    /// The number of its process.
+    pub fn process(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Adds the state of the server and its log to an error.
     pub fn explain(&mut self, error: anyhow::Error) -> anyhow::Error {
         match self.child.try_wait() {
@@ -194,14 +199,16 @@ fn last_words(log: &Path) -> String {
     }
 }
 
+/// Held by tests that write a program and start it: one that is being written while another thread
+/// forks cannot be started.
+#[cfg(test)]
+pub static ONE_AT_A_TIME: tokio::sync::Mutex<()> = tokio::sync::Mutex::const_new(());
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt as _;
-
-    /// A program that is being written while another thread forks cannot be started.
-    static ONE_AT_A_TIME: tokio::sync::Mutex<()> = tokio::sync::Mutex::const_new(());
 
     struct Folder(PathBuf);
 

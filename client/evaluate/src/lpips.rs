@@ -3,16 +3,11 @@
 //! inputs `[1, 3, height, width]` in -1..1 of any size, one output of one number, 0 for equal
 //! images. No network is shipped.
 
+use crate::runtime::{self, RUNTIME_VARIABLE};
 use image::RgbImage;
-use ort::environment::Environment;
 use ort::session::Session;
 use ort::value::{TensorElementType, TensorRef};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-
-/// The environment variable with the path of ONNX Runtime's library, as in all programs that use
-/// `ort`.
-const RUNTIME_VARIABLE: &str = "ORT_DYLIB_PATH";
 
 /// LPIPS cannot be computed.
 #[derive(Debug, thiserror::Error)]
@@ -56,18 +51,17 @@ impl std::fmt::Debug for Lpips {
 }
 
 impl Lpips {
-    /// Loads a network with the library that `ORT_DYLIB_PATH` names.
+    /// Loads a network with the library that `ORT_DYLIB_PATH` names, else the one of `make deps`.
     ///
     /// # Errors
     /// [`LpipsError`] says what is missing or wrong.
     pub fn load(path: &Path) -> Result<Self, LpipsError> {
-        let library = std::env::var_os(RUNTIME_VARIABLE).filter(|value| !value.is_empty());
-        Self::load_with(path, Path::new(&library.ok_or(LpipsError::NoRuntime)?))
+        Self::load_with(path, &runtime::library().ok_or(LpipsError::NoRuntime)?)
     }
 
     fn load_with(path: &Path, library: &Path) -> Result<Self, LpipsError> {
         let of_library = |reason: String| LpipsError::Runtime { path: library.to_owned(), reason };
-        let environment = environment(library).map_err(of_library)?;
+        let environment = runtime::environment(library).map_err(of_library)?;
         let session = Session::builder(&environment)
             .map_err(|error| of_library(error.to_string()))?
             .commit_from_file(path)
@@ -131,18 +125,6 @@ impl Lpips {
             }
         }
     }
-}
-
-/// The environment of the process; ONNX Runtime allows only one.
-fn environment(library: &Path) -> Result<Environment, String> {
-    static OPENED: Mutex<Option<Environment>> = Mutex::new(None);
-    let mut opened = OPENED.lock().expect("opening the environment does not panic");
-    if let Some(environment) = &*opened {
-        return Ok(environment.clone());
-    }
-    let builder = ort::init_from(library).map_err(|error| error.to_string())?;
-    let environment = builder.with_telemetry(false).build().map_err(|error| error.to_string())?;
-    Ok(opened.insert(environment).clone())
 }
 
 /// Channel by channel, 0..255 to -1..1.

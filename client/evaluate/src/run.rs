@@ -3,6 +3,8 @@
 use crate::context::Context;
 use crate::error::EvaluateError;
 use crate::options::{Options, Target};
+use crate::probe::{self, Probe, ProbeTimes};
+use crate::process::processor_seconds;
 use crate::recorded::Recorded;
 use crate::report::{Measured, Report};
 use crate::samples::{self, Sample};
@@ -46,6 +48,7 @@ pub async fn evaluate(
     refuse_old_map(&client, &target.map).await?;
     let health = client.health().await?;
     let recorded = Arc::new(Recorded::new(dataset));
+    let probed_before = probe_of(target, &mut on_step);
     let mapped = make_map(&client, recorded.clone(), target, &options, &mut on_step).await?;
 
     let trajectory_tum =
@@ -74,6 +77,7 @@ pub async fn evaluate(
     let samples = samples::take(&context, &views, language, &seen).await?;
     // The peak is taken last, so that it includes the queries.
     let peak_rss_bytes = stages::peak_memory(&client.metrics().await?);
+    let probed_after = probe_of(target, &mut on_step);
     let report = Report::new(Measured {
         dataset: context.dataset,
         options,
@@ -86,6 +90,8 @@ pub async fn evaluate(
         views,
         words,
         stages: mapped.stages,
+        processor_seconds: mapped.processor_seconds,
+        probe: probed_before.zip(probed_after).map(|(before, after)| Probe::new(before, after)),
     });
     Ok(Evaluation { report, trajectory, trajectory_tum, samples })
 }
@@ -96,6 +102,16 @@ struct Mapped {
     status: Status,
     settle_seconds: f64,
     stages: BTreeMap<String, Stage>,
+    processor_seconds: Option<f64>,
+}
+
+/// The probe of this machine, if the server runs on it; it blocks for a second, as scoring does.
+fn probe_of(target: &Target, on_step: &mut impl FnMut(Step<'_>)) -> Option<ProbeTimes> {
+    if !target.is_here() {
+        return None;
+    }
+    on_step(Step::Probing);
+    Some(probe::measure())
 }
 
 /// Streams the data set and waits until the map is settled.
@@ -107,6 +123,8 @@ async fn make_map(
     on_step: &mut impl FnMut(Step<'_>),
 ) -> Result<Mapped, EvaluateError> {
     let before = client.metrics().await?;
+    let processor = || target.process.and_then(processor_seconds);
+    let processor_before = processor();
     let streaming = StreamOptions {
         grpc: target.grpc.clone(),
         access: target.access.clone(),
@@ -121,12 +139,13 @@ async fn make_map(
     let streamed = Instant::now();
     let status = client.settled(&target.map, |status| on_step(Step::Settling(status))).await?;
     let settle_seconds = streamed.elapsed().as_secs_f64();
+    let processor_seconds = processor_before.zip(processor()).map(|(before, after)| after - before);
     if summary.tracked == 0 {
         let reason = summary.refusals.first().map_or("all are lost", |first| &first.reason).into();
         return Err(EvaluateError::NothingTracked { sent: summary.sent, reason });
     }
     let stages = stages::between(&before, &client.metrics().await?);
-    Ok(Mapped { summary, status, settle_seconds, stages })
+    Ok(Mapped { summary, status, settle_seconds, stages, processor_seconds })
 }
 
 /// Refuses a map that has frames already: the scores would include them.

@@ -6,6 +6,8 @@ use lexsplat_client::stream::Progress;
 /// The step that an evaluation is at; `done` of `of` parts of it are finished.
 #[derive(Clone, Copy, Debug)]
 pub enum Step<'a> {
+    /// The probe is running, before the run or after it.
+    Probing,
     /// Frames are being sent.
     Streaming(&'a Progress),
     /// The server is optimising the map.

@@ -2,6 +2,7 @@
 //! standard error, a table to standard output, report and images to a folder.
 
 use super::measure::{measure, measure_own, write};
+use super::versus::Turns;
 use crate::access::AccessOptions;
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
@@ -23,6 +24,7 @@ use std::sync::Arc;
                   lexsplat evaluate --dataset synthetic:7 --frames 60\n  \
                   lexsplat evaluate --dataset replica:room0 --language --encoder oracle\n  \
                   lexsplat evaluate --dataset synthetic:7 --poses estimate --sensor d435 --shake 0.5\n  \
+                  lexsplat evaluate --dataset replica:room0 --frames 60 --versus old/lexsplat-server\n  \
                   lexsplat evaluate --dataset tum:fr3_office --poses estimate \
                   --grpc 127.0.0.1:50051 --http 127.0.0.1:8080"
 )]
@@ -63,7 +65,15 @@ pub struct Evaluate {
     /// out one number; ORT_DYLIB_PATH names ONNX Runtime's library
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
-    /// Folder for report.json, report.md, plots, pictures and server.log; made if missing
+    /// Compare the server with this binary of another build: both are measured in turns with the same
+    /// options, and ratios with their spread are printed and written to versus.json
+    #[arg(long, value_name = "BINARY", conflicts_with = "grpc")]
+    versus: Option<PathBuf>,
+    /// How often --versus measures each build
+    #[arg(long, value_name = "N", default_value = "2", requires = "versus")]
+    rounds: NonZeroUsize,
+    /// Folder for report.json, report.md, plots, pictures and server.log, with --versus for a folder of
+    /// them for each turn; made if missing
     #[arg(long, value_name = "DIR", default_value = "evaluate-out")]
     out: PathBuf,
     /// A running server's gRPC address; absent: a server is started
@@ -90,6 +100,40 @@ pub struct Evaluate {
 
 /// Runs the command.
 pub async fn run(arguments: &Evaluate) -> Result<()> {
+    let dataset = open(arguments)?;
+    let out = &arguments.out;
+    make_folder(out)?;
+    let options = || options(arguments);
+    let map = arguments.map.clone();
+    if let (Some(grpc), Some(http)) = (&arguments.grpc, &arguments.http) {
+        let target = Target {
+            grpc: grpc.clone(),
+            http: http.clone(),
+            access: arguments.access.read()?,
+            map: map.unwrap_or_else(|| dataset.name().to_owned()),
+            process: None,
+        };
+        return shown(arguments, &measure(dataset, &target, options()?).await?);
+    }
+    let program = arguments.server.clone().map_or_else(server::beside_this, Ok)?;
+    let plan = |program: PathBuf, log: PathBuf| Plan {
+        program,
+        config: arguments.config.clone(),
+        models: arguments.models.clone(),
+        settings: Vec::new(),
+        log,
+    };
+    if let Some(other) = &arguments.versus {
+        let (builds, rounds) = ([program, other.clone()], arguments.rounds);
+        let turns = Turns { builds, plan: &plan, options: &options, dataset, map, rounds, out };
+        return turns.run().await;
+    }
+    let plan = plan(program, out.join("server.log"));
+    shown(arguments, &measure_own(plan, dataset, map, options()?).await?)
+}
+
+/// The frames to send, which have what the options ask for.
+fn open(arguments: &Evaluate) -> Result<Arc<dyn Dataset>> {
     let (stride, passes) = (arguments.stride, arguments.passes);
     let end = arguments.frames.map(|frames| frames.get().saturating_mul(stride.get()));
     let range = FrameRange { start: 0, end, stride, passes };
@@ -118,34 +162,18 @@ pub async fn run(arguments: &Evaluate) -> Result<()> {
             bail!("{option}: {} has no masks: leave it out", arguments.dataset);
         }
     }
-    let out = &arguments.out;
-    make_folder(out)?;
-    let options = Options {
+    Ok(dataset)
+}
+
+/// What to measure.
+fn options(arguments: &Evaluate) -> Result<Options> {
+    Ok(Options {
         poses: arguments.poses.into(),
         encoder: arguments.encoder.into(),
         hold_out_every: NonZeroUsize::new(arguments.held_out),
         language: arguments.language,
         lpips: arguments.lpips.as_deref().map(Lpips::load).transpose()?,
-    };
-    if let (Some(grpc), Some(http)) = (&arguments.grpc, &arguments.http) {
-        let map = arguments.map.clone().unwrap_or_else(|| dataset.name().to_owned());
-        let target = Target {
-            grpc: grpc.clone(),
-            http: http.clone(),
-            access: arguments.access.read()?,
-            map,
-        };
-        return shown(arguments, &measure(dataset, &target, options).await?);
-    }
-    let plan = Plan {
-        program: arguments.server.clone().map_or_else(server::beside_this, Ok)?,
-        config: arguments.config.clone(),
-        models: arguments.models.clone(),
-        settings: Vec::new(),
-        log: out.join("server.log"),
-    };
-    let evaluation = measure_own(plan, dataset, arguments.map.clone(), options).await?;
-    shown(arguments, &evaluation)
+    })
 }
 
 fn shown(arguments: &Evaluate, evaluation: &Evaluation) -> Result<()> {

@@ -33,7 +33,8 @@ pub async fn measure_own(
     let mut server = Server::start(&plan).await?;
     let (grpc, http) = (server.ready.grpc.clone(), server.ready.http.clone());
     let map = map.unwrap_or_else(|| dataset.name().to_owned());
-    let target = Target { grpc, http, access: Access::default(), map };
+    let process = Some(server.process());
+    let target = Target { grpc, http, access: Access::default(), map, process };
     let mut evaluation = tokio::select! {
         done = measure(dataset, &target, options) => done.map_err(|error| server.explain(error))?,
         pressed = interrupted() => pressed.and_then(|()| bail!("interrupted"))?,
@@ -44,7 +45,10 @@ pub async fn measure_own(
 }
 
 /// The settings that the server will use, as TOML.
-fn settings(plan: &Plan) -> Result<String> {
+///
+/// # Errors
+/// If it cannot be started, or refuses its settings.
+pub fn settings(plan: &Plan) -> Result<String> {
     let said = plan
         .command()
         .arg("--print-config")
@@ -82,7 +86,12 @@ impl Bars {
 
     fn show(&mut self, step: Step<'_>) {
         match step {
-            Step::Streaming(progress) => show(&self.current, progress),
+            Step::Probing => {
+                self.begin("probing the machine", 0);
+            }
+            Step::Streaming(progress) => {
+                show(self.begin("streaming", progress.total as usize), progress);
+            }
             Step::Settling(status) => self.begin("settling", 0).set_message(format!(
                 "the map settles: {} keyframes, {} Gaussians",
                 status.keyframes, status.gaussians

@@ -13,3 +13,4 @@ pub mod query;
 mod segment;
 pub mod stream;
 pub mod synth;
+mod versus;

@@ -2,8 +2,10 @@
 
 use super::paper::PAPER;
 use super::record::Report;
+use super::scaled::Scaled;
 use crate::language::{ClassScore, LabelMeans, Language, Latency};
 use crate::presence::{Judgement, Presence};
+use crate::probe::{Probe, ProbeTimes, REFERENCE, Repeated};
 use crate::space::{CountScore, Space, SpaceMeans, SpaceScore};
 use crate::stages::Stage;
 use crate::trajectory::Ate;
@@ -49,6 +51,36 @@ fn example_presence() -> Presence {
     )
 }
 
+fn example_views() -> Vec<ViewScore> {
+    let view = |sequence, keyframe, psnr_db| ViewScore {
+        sequence,
+        keyframe,
+        psnr_db,
+        ssim: 0.9,
+        lpips: Some(0.08),
+        depth_l1_m: Some(0.012),
+        depth_share: Some(0.99),
+    };
+    vec![view(0, true, 24.0), view(1, false, 21.5), view(6, false, 22.5)]
+}
+
+/// The probe of a machine that takes twice as long as the reference.
+pub fn example_probe() -> Probe {
+    let part = |reference_ms: f64| Repeated {
+        min_ms: reference_ms,
+        median_ms: 2.0 * reference_ms,
+        repetitions: 15,
+    };
+    let times = ProbeTimes {
+        memory: part(REFERENCE.memory_ms),
+        blend: part(REFERENCE.blend_ms),
+        product: Some(part(REFERENCE.product_ms)),
+        without_product: None,
+    };
+    // The mean of logarithms is not exact.
+    Probe { relative_time: 2.0, ..Probe::new(times.clone(), times) }
+}
+
 /// A report with a value in every field.
 pub fn example_report() -> Report {
     let scene = LabelMeans {
@@ -62,17 +94,10 @@ pub fn example_report() -> Report {
         loc_mask: 0.85,
         average_precision: 0.6,
     };
-    let view = |sequence, keyframe, psnr_db| ViewScore {
-        sequence,
-        keyframe,
-        psnr_db,
-        ssim: 0.9,
-        lpips: Some(0.08),
-        depth_l1_m: Some(0.012),
-        depth_share: Some(0.99),
-    };
-    let views = vec![view(0, true, 24.0), view(1, false, 21.5), view(6, false, 22.5)];
+    let views = example_views();
     let stage = Stage { count: 40, seconds: 0.4, mean_ms: 10.0 };
+    let stages = [("decode".to_owned(), stage)].into();
+    let probe = example_probe();
     Report {
         dataset: "room7".into(),
         simulated: None,
@@ -91,6 +116,9 @@ pub fn example_report() -> Report {
         seconds_per_frame: 0.2,
         settle_seconds: 3.0,
         seconds_per_frame_settled: 0.275,
+        processor_seconds_per_frame: Some(0.5),
+        scaled: Some(Scaled::new(&probe, [8.0, 3.0], &stages, 40)),
+        probe: Some(probe),
         keyframes: 9,
         gaussians: 12345,
         gpu_bytes: 3 << 20,
@@ -112,7 +140,7 @@ pub fn example_report() -> Report {
         language: Some(example_language(scene)),
         space: Some(example_space()),
         presence: Some(example_presence()),
-        stages: [("decode".to_owned(), stage)].into(),
+        stages,
         config: Some("[mapper]\nmax_gaussians = 200000\n".into()),
         paper: PAPER,
         views,

@@ -1,15 +1,18 @@
 //! The report of an evaluation: numbers for programs (`report.json`), rows and a page for people.
 
 #[cfg(test)]
-mod example;
+pub(crate) mod example;
+mod machine;
 mod page;
 mod paper;
 mod protocol;
 mod record;
 mod rows;
+mod scaled;
 
 pub use page::markdown;
 pub use paper::Paper;
 pub(crate) use record::Measured;
 pub use record::Report;
 pub use rows::{Row, rows};
+pub use scaled::Scaled;

@@ -1,6 +1,7 @@
 //! The report as a page of Markdown: numbers beside the paper's, classes, stages, protocol and the
 //! server's settings. Images are only referred to.
 
+use super::machine::machine;
 use super::protocol::protocol;
 use super::record::Report;
 use super::rows::rows;
@@ -18,6 +19,7 @@ pub fn markdown(report: &Report, pictures: &[(String, String)]) -> String {
     page += &report.space.as_ref().map(space).unwrap_or_default();
     page += &report.presence.as_ref().map(presence).unwrap_or_default();
     page += &stages(report);
+    page += &report.probe.as_ref().map(machine).unwrap_or_default();
     page += &protocol(report);
     page += "\n## Pictures\n\n";
     for (file, caption) in pictures {
@@ -277,6 +279,7 @@ mod tests {
             "| 1 | 0.900 | 1.000 |",
             "| decode | 40 | 10.0 | 10.0 |",
             "every 8th frame",
+            "It took 2.00 times as long",
             "![PSNR over frames](psnr.png)",
             "max_gaussians = 200000",
         ] {

@@ -14,7 +14,8 @@ pub(super) fn protocol(report: &Report) -> String {
          - **Speed**: *acknowledged* is the time from the opening of the stream to the last \
          acknowledgement, with reading (or rendering) the data set. A frame is acknowledged when it is \
          tracked; its optimisation and language may still wait. *All work done* adds the time until the \
-         map is settled, language included.\n\
+         map is settled, language included. *Processor time* is the server's, user and system, of the \
+         same period.\n\
          - **ATE**: all tracked frames, rigid alignment (Umeyama, no scale), distances of positions. Lost \
          frames do not count and are given apart. The paper counts keyframes only.\n\
          - **Held out**: {} ({}), rendered at the tracked pose. It is the same walk, so views are near \

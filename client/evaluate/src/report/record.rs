@@ -1,9 +1,11 @@
 //! Every number of an evaluation, as it is serialised; a value without ground truth is null.
 
 use super::paper::{PAPER, Paper};
+use super::scaled::Scaled;
 use crate::language::Language;
 use crate::options::Options;
 use crate::presence::Presence;
+use crate::probe::Probe;
 use crate::space::Space;
 use crate::stages::Stage;
 use crate::trajectory::Ate;
@@ -53,6 +55,14 @@ pub struct Report {
     pub settle_seconds: f64,
     /// Seconds of streaming and settling per frame.
     pub seconds_per_frame_settled: f64,
+    /// Processor time of the server per frame, user and system, from the opening of the stream until
+    /// the map was settled, seconds; null if it is not a process of this machine that was started
+    /// for the evaluation.
+    pub processor_seconds_per_frame: Option<f64>,
+    /// The times above and the stages', as they would be on the probe's reference machine.
+    pub scaled: Option<Scaled>,
+    /// The probe of the machine; null if the server runs on another one.
+    pub probe: Option<Probe>,
     /// Number of keyframes.
     pub keyframes: u64,
     /// Number of Gaussians in the settled map.
@@ -118,6 +128,8 @@ pub(crate) struct Measured<'a> {
     pub views: Vec<ViewScore>,
     pub words: Option<LanguageScores>,
     pub stages: BTreeMap<String, Stage>,
+    pub processor_seconds: Option<f64>,
+    pub probe: Option<Probe>,
 }
 
 impl Report {
@@ -126,12 +138,7 @@ impl Report {
         let camera = dataset.intrinsics();
         let held_out = ViewMeans::of(views.iter().filter(|view| !view.keyframe));
         let keyframe_views = ViewMeans::of(views.iter().filter(|view| view.keyframe));
-        let (language, space, presence) = match measured.words {
-            Some(LanguageScores { language, space, presence }) => {
-                (Some(language), Some(space), Some(presence))
-            }
-            None => (None, None, None),
-        };
+        let (language, space, presence) = parts(measured.words);
         let scene = language.as_ref().map(|language| language.scene);
         let per_frame = |seconds: f64| seconds / summary.sent.max(1) as f64;
         Self {
@@ -152,6 +159,12 @@ impl Report {
             seconds_per_frame: per_frame(summary.seconds),
             settle_seconds,
             seconds_per_frame_settled: per_frame(summary.seconds + settle_seconds),
+            processor_seconds_per_frame: measured.processor_seconds.map(per_frame),
+            scaled: measured.probe.as_ref().map(|probe| {
+                let seconds = [summary.seconds, settle_seconds];
+                Scaled::new(probe, seconds, &measured.stages, summary.sent)
+            }),
+            probe: measured.probe,
             keyframes: status.keyframes,
             gaussians: status.gaussians,
             gpu_bytes: status.gpu_bytes,
@@ -178,6 +191,15 @@ impl Report {
             paper: PAPER,
             views,
         }
+    }
+}
+
+fn parts(words: Option<LanguageScores>) -> (Option<Language>, Option<Space>, Option<Presence>) {
+    match words {
+        Some(LanguageScores { language, space, presence }) => {
+            (Some(language), Some(space), Some(presence))
+        }
+        None => (None, None, None),
     }
 }
 
@@ -219,6 +241,8 @@ mod tests {
             "emd_m",
             "absent_accuracy",
             "stages",
+            "processor_seconds_per_frame",
+            "probe",
         ] {
             assert!(json.get(name).is_some(), "{name}");
         }
@@ -228,5 +252,7 @@ mod tests {
         assert_eq!(json["chamfer_m"], 0.12);
         assert_eq!(json["space"]["counts"][0]["there"], 8);
         assert_eq!(json["stages"]["decode"]["mean_ms"], 10.0);
+        assert_eq!(json["probe"]["relative_time"], 2.0);
+        assert_eq!(json["scaled"]["stages_mean_ms"]["decode"], 5.0);
     }
 }

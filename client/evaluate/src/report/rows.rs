@@ -46,6 +46,14 @@ fn speed_rows(report: &Report) -> Vec<Row> {
             value: format!("{:.3}", report.seconds_per_frame_settled),
             paper: format!("{least} to {most} (one GPU, tracking too)"),
         },
+        plain(
+            "  on the probe's reference machine",
+            decimals(report.scaled.as_ref().map(|scaled| scaled.seconds_per_frame_settled), 3),
+        ),
+        plain(
+            "processor time of the server per frame, s",
+            decimals(report.processor_seconds_per_frame, 3),
+        ),
         plain("settling after the last frame, s", format!("{:.1}", report.settle_seconds)),
     ]
 }
@@ -219,6 +227,8 @@ mod tests {
         // A frame is acknowledged before its work is done: the paper is beside the honest number.
         assert_eq!(row("seconds per frame acknowledged").paper, "");
         assert!(row("seconds per frame, all work done").value == "0.275");
+        assert_eq!(row("  on the probe's reference machine").value, "0.138");
+        assert_eq!(row("processor time of the server per frame, s").value, "0.500");
         assert_eq!(row("mIoU at 0.5 (as in the paper)").paper, "0.487");
         let chamfer = row("3D Chamfer over labels, m");
         assert_eq!((chamfer.value.as_str(), chamfer.paper.as_str()), ("0.120", ""));
