@@ -29,7 +29,8 @@ test: lint ## Lints, and every test
 # Proofs of kernels on a second driver, which rounds and schedules differently from llvmpipe and has subgroups of 4.
 # With PROOF_ADAPTER they fail on any other.
 SWIFTSHADER = $(CURDIR)/.deps/swiftshader/vk_swiftshader_icd.json
-SWIFTSHADER_SLICE = primitives:: align:: normal_system:: pyramid:: optimiser:: golden:: map::morton:: map::prune::
+SWIFTSHADER_SLICE = primitives:: align:: normal_system:: pyramid:: optimiser:: golden:: map::morton:: map::prune:: \
+  bands::bands_change_no_bit_of_steps
 define on_swiftshader
 @if [ -f $(SWIFTSHADER) ]; then \
   echo 'proofs of kernels on SwiftShader'; \

@@ -1,8 +1,12 @@
 //! How long the splatting pass takes, stage by stage, and how far that is from what the adapter can
 //! do at all: `cargo bench -p lexsplat-gpu`, or `... -- SECTION` with one of `views`, `channels`,
 //! `primitives`, `tracking`. Times are the best of several runs; ratios are within one run.
+//!
+//! `exchange` runs only where `EXCHANGE=FOLDER` is set; `EXCHANGE_SCENE=COUNT,WIDTH,HEIGHT` is the
+//! scene.
 
 mod ceiling;
+mod exchange;
 mod primitives;
 mod scene;
 mod tracking;
@@ -13,7 +17,7 @@ use std::time::{Duration, Instant};
 use lexsplat_gpu::shader::Tiling;
 use lexsplat_gpu::{Gpu, GpuError};
 
-fn main() -> Result<(), GpuError> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let sections: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let wanted = |name: &str| sections.is_empty() || sections.iter().any(|s| s == name);
     let gpu = Gpu::new(None)?;
@@ -35,6 +39,15 @@ fn main() -> Result<(), GpuError> {
     }
     if wanted("tracking") {
         tracking::print(&gpu)?;
+    }
+    if let (true, Ok(folder)) = (wanted("exchange"), std::env::var("EXCHANGE")) {
+        let scene =
+            std::env::var("EXCHANGE_SCENE").unwrap_or_else(|_| "500000,1200,680".to_owned());
+        let numbers: Vec<u32> = scene.split(',').map(str::parse).collect::<Result<_, _>>()?;
+        let [count, width, height] = numbers[..] else {
+            return Err("EXCHANGE_SCENE must be COUNT,WIDTH,HEIGHT".into());
+        };
+        exchange::print(&gpu, folder.as_ref(), count as usize, (width, height))?;
     }
     Ok(())
 }

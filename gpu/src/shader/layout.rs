@@ -100,6 +100,10 @@ constants! {
     BETA_FIRST: f32 = 0.9;
     /// Decay of the optimiser's second moment.
     BETA_SECOND: f32 = 0.999;
+    /// Natural logarithm of `BETA_FIRST`.
+    LOG_BETA_FIRST: f32 = -0.105_360_542;
+    /// Natural logarithm of `BETA_SECOND`.
+    LOG_BETA_SECOND: f32 = -0.001_000_487_5;
     /// Keeps the optimiser's division finite.
     EPSILON: f32 = 1e-15;
     /// Gradients from here on are not followed: their squares would not be finite.

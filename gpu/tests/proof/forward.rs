@@ -8,9 +8,9 @@ use crate::oracle::project::View;
 use lexsplat_gpu::{Camera, Contribution, Gaussians, Gpu, GpuError, HostGaussians, Renderer};
 use nalgebra::Point3;
 
-/// Largest difference of a channel; measured worst case on llvmpipe: 6.1e-6 (depth, 300 small
-/// Gaussians). A pixel where alpha is within rounding of 1/255 may differ by that much; the seeds
-/// have none.
+/// Largest difference of a channel; measured worst case on llvmpipe: 6.1e-6, on SwiftShader: 1.0e-5
+/// (depth, 300 small Gaussians). A pixel where alpha is within rounding of 1/255 may differ by that
+/// much; the seeds have none.
 const TOLERANCE: f64 = 2e-5;
 
 fn map(gpu: &Gpu, scene: &HostGaussians) -> Gaussians {
@@ -227,7 +227,8 @@ fn thousands_on_one_pixel_match_the_oracle() {
     }
 }
 
-/// Measured on llvmpipe: 5.1e-5, of sums over up to 1,000 pixels.
+/// Sums over up to 1,000 pixels, where a rounding is 6e-5, and five of them 3e-4. Measured on llvmpipe:
+/// 5.1e-5, on SwiftShader: 8.4e-5.
 #[test]
 fn contributions_match_the_image() {
     let gpu = support::gpu();
@@ -241,8 +242,8 @@ fn contributions_match_the_image() {
         pairs.map(|(a, b)| (f64::from(a.weight) - factor * b).abs()).fold(0.0, f64::max)
     };
     println!("weights: {:.1e}", worst(1.0));
-    assert!(worst(1.0) < 1e-4, "{:.1e}", worst(1.0));
-    assert!(worst(1.001) > 1e-4, "a per mille must show");
+    assert!(worst(1.0) < 3e-4, "{:.1e}", worst(1.0));
+    assert!(worst(1.001) > 3e-4, "a per mille must show");
     let touched: Vec<f32> = found.iter().map(|given| given.touched_pixels).collect();
     assert_eq!(touched, wanted.touched, "pixels");
     assert!(touched.iter().any(|n| *n > 10.0) && touched.contains(&0.0), "both kinds");

@@ -5,7 +5,9 @@ use crate::support;
 use crate::oracle;
 use lexsplat_gpu::pass::order::Ranks;
 use lexsplat_gpu::primitives::sort::Sort;
-use lexsplat_gpu::shader::layout::HitCount;
+use lexsplat_gpu::shader::layout::{
+    BETA_FIRST, BETA_SECOND, HitCount, LOG_BETA_FIRST, LOG_BETA_SECOND,
+};
 use lexsplat_gpu::train::adam::{Adam, ParameterGradients, RowRates, SeenGaussians};
 use lexsplat_gpu::train::loss::{Loss, LossBuffers, ScaleLoss};
 use lexsplat_gpu::{Buffer, ColorTarget, LossWeights, Parameters, Recorder};
@@ -122,7 +124,8 @@ fn shape_losses_match_the_oracle_and_its_gradient_matches_differences() {
     }
 }
 
-/// Measured on llvmpipe: 3.0e-6 after 20 steps (1 - b2^t cancels in f32).
+/// Each of 20 steps rounds a value of about 1 (6e-8) and moves it by at most 0.4 with some 10 roundings:
+/// 20 (6e-8 + 0.4 * 6e-7) = 6e-6 at most. Measured on llvmpipe and on SwiftShader: 9.5e-7.
 #[test]
 fn adam_matches_the_oracle() {
     let gpu = support::gpu();
@@ -189,11 +192,18 @@ fn adam_matches_the_oracle() {
     let pairs = || wanted.iter().flatten().zip(found.iter().flatten());
     let worst = pairs().map(|(w, f)| off(w.value, *f)).fold(0.0, f64::max);
     println!("adam: {worst:.1e}");
-    assert!(worst < 2e-5, "{worst:.1e}");
+    assert!(worst < 6e-6, "{worst:.1e}");
     assert_eq!(found[7][1], values[7][1], "a gradient that is not a number changes nothing");
     assert_eq!(steps.read(&gpu, count).expect("reads"), taken);
     let control = pairs().map(|(w, f)| off(w.value * 1.001, *f)).fold(0.0, f64::max);
-    assert!(control > 2e-5, "a per mille must show");
+    assert!(control > 6e-6, "a per mille must show");
+}
+
+#[test]
+fn the_logarithms_are_those_of_the_decays() {
+    for (beta, logarithm) in [(BETA_FIRST, LOG_BETA_FIRST), (BETA_SECOND, LOG_BETA_SECOND)] {
+        assert_eq!(f64::from(beta).ln() as f32, logarithm);
+    }
 }
 
 #[test]

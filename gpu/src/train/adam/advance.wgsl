@@ -8,6 +8,13 @@
 @group(0) @binding(5) var<storage, read_write> steps: array<u32>;
 @group(0) @binding(6) var<storage, read_write> corrections: array<vec2<f32>>;
 
+/// 1 - exp(x) for negative x. Near 0 it is a series: the difference would keep the rounding of exp,
+/// which is another one on each driver, and lose the digits that count.
+fn decayed(x: vec2<f32>) -> vec2<f32> {
+    let series = x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0))));
+    return select(1.0 - exp(x), -x * (1.0 + series), x > vec2<f32>(-0.25));
+}
+
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
@@ -19,7 +26,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         let gaussian = gaussian_from_visible[index];
         let t = steps[gaussian] + 1u;
         steps[gaussian] = t;
-        let decay = exp(f32(t) * log(vec2<f32>(BETA_FIRST, BETA_SECOND)));
-        corrections[index] = 1.0 / (1.0 - decay);
+        corrections[index] = 1.0 / decayed(f32(t) * vec2<f32>(LOG_BETA_FIRST, LOG_BETA_SECOND));
     }
 }
