@@ -80,7 +80,12 @@ fn damage(kind: &str, folder: &Path) {
     }
     println!("{kind}: {read} were read, {refused} were refused");
     assert!(read > 0 && refused > 0);
-    assert!(is_readable(&*open(kind, folder).unwrap()), "it is whole again");
+    let dataset = open(kind, folder).unwrap();
+    assert!(is_readable(&*dataset), "it is whole again");
+    for at in 0..dataset.len() {
+        let sent = dataset.frame(at).unwrap();
+        assert_eq!(dataset.clean_frame(at).unwrap(), sent, "{kind}: scored against what is sent");
+    }
 }
 
 #[test]

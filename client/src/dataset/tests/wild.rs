@@ -155,6 +155,27 @@ fn a_camera_that_no_file_describes_is_told_of_or_refused() {
 }
 
 #[test]
+fn a_map_of_the_kinect_is_scored_against_the_pictures_that_are_sent() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let shades = |x: u32, y: u32| image::Rgb([(x / 4) as u8, (y / 4) as u8, 60]);
+    RgbImage::from_fn(640, 480, shades).save(f.join("frame-000000.color.png")).unwrap();
+    let depth = ImageBuffer::from_pixel(640, 480, Luma([2000_u16]));
+    depth.save(f.join("frame-000000.depth.png")).unwrap();
+    put(f, "frame-000000.pose.txt", IDENTITY);
+    put(f, "camera-intrinsics.txt", "585 0 320\n0 585 240\n0 0 1\n");
+    let color = |frame: RgbdFrame| image::load_from_memory(&frame.color.bytes).unwrap();
+    let whole = SevenScenes::open(f).unwrap();
+    let (sent, scored) = (whole.frame(0).unwrap(), whole.clean_frame(0).unwrap());
+    assert_eq!(sent, scored);
+    let raw = image::open(f.join("frame-000000.color.png")).unwrap();
+    assert_ne!(color(sent), raw, "color is brought to the depth camera");
+    // A part of a data set, too.
+    let part = range(0, None, 1).of(Box::new(whole)).unwrap();
+    assert_eq!(part.frame(0).unwrap(), part.clean_frame(0).unwrap());
+}
+
+#[test]
 fn coefficients_behind_a_camera_are_its_distortion() {
     let (_keep, folder) = tum("office");
     let bent = Distortion::BrownConrady(vec![0.26, -0.95, 0.0, 0.01, 1.16]);
