@@ -95,6 +95,11 @@ impl Optics {
         Some([fx * x + cx, fy * y + cy])
     }
 
+    /// Whether the lens is one-to-one around a ray.
+    pub fn is_one_to_one(&self, ray: [f64; 2]) -> bool {
+        self.lens.is_one_to_one(ray)
+    }
+
     /// Whether a ray goes through the picture, up to the centres of its outermost pixels.
     pub fn sees(&self, ray: [f64; 2]) -> bool {
         // The centres are met up to rounding.

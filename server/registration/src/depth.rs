@@ -112,11 +112,9 @@ impl DepthRays {
             let (left, right) = (column.saturating_sub(1), column.min(self.width - 1));
             let around = Vec4::new(above[left], above[right], below[left], below[right]);
             let (least, most) = (around.min_element(), around.max_element());
-            if least > 0.0 && self.are_together(least, most) {
-                self.point(*ray, 0.25 * around.element_sum())
-            } else {
-                Vec4::NAN
-            }
+            let is_joint = least > 0.0
+                && (self.are_together(least, most) || self.is_slanted(measured, [column, row]));
+            if is_joint { self.point(*ray, 0.25 * around.element_sum()) } else { Vec4::NAN }
         };
         self.corners[row * (self.width + 1)..][..=self.width]
             .iter()
@@ -174,6 +172,31 @@ impl DepthRays {
             }
         }
         sum / count
+    }
+
+    /// Whether the four pixels around a corner lie on one surface that is seen at a steeper slant, such as a
+    /// floor from just above it: inverse depth goes on from the pixels before to the pixels behind as on a
+    /// plane. At an edge it does not.
+    fn is_slanted(&self, measured: &[f32], [column, row]: [usize; 2]) -> bool {
+        if column < 2 || row < 2 || column + 1 >= self.width || row + 1 >= self.height {
+            return false;
+        }
+        let at = |column: usize, row: usize| measured[row * self.width + column];
+        let is_straight = |[before, one, other, behind]: [f32; 4]| {
+            let step = other - one;
+            self.are_together(one, other)
+                || (before > 0.0
+                    && behind > 0.0
+                    && self.are_together(one, before + step)
+                    && self.are_together(other, behind - step))
+        };
+        let rows = [row - 1, row].map(|row| {
+            [at(column - 2, row), at(column - 1, row), at(column, row), at(column + 1, row)]
+        });
+        let columns = [column - 1, column].map(|column| {
+            [at(column, row - 2), at(column, row - 1), at(column, row), at(column, row + 1)]
+        });
+        rows.into_iter().chain(columns).all(is_straight)
     }
 
     /// Whether two measurements lie on one surface.

@@ -98,6 +98,21 @@ impl Lens {
     }
 }
 
+impl Lens {
+    /// Whether no two rays near this one go through one pixel, and right stays right.
+    pub fn is_one_to_one(&self, [x, y]: [f64; 2]) -> bool {
+        const APART: f64 = 1e-4;
+        let moved = |x, y| self.distortion.of([x, y]);
+        let (left, right) = (moved(x - APART, y), moved(x + APART, y));
+        let (above, below) = (moved(x, y - APART), moved(x, y + APART));
+        let (across, down) = (
+            [0, 1].map(|axis| right[axis] - left[axis]),
+            [0, 1].map(|axis| below[axis] - above[axis]),
+        );
+        across[0] * down[1] - across[1] * down[0] > 0.0
+    }
+}
+
 impl Distortion {
     /// Whether there is none.
     pub fn is_none(&self) -> bool {

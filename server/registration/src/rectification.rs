@@ -29,6 +29,12 @@ pub enum LensError {
          OpenCV's order (k1 k2 p1 p2 k3 k4 k5 k6)?"
     )]
     Blind,
+    /// Rays of its picture cross.
+    #[error(
+        "expected a lens that sees each thing once: are the coefficients right, and in OpenCV's order (k1 k2 p1 p2 \
+         k3 k4 k5 k6)?"
+    )]
+    Folded,
     /// So little of its field is straight that a picture of it would be enlarged this many times.
     #[error(
         "expected a lens whose straightened picture is at most {MOST_STRETCHED} times as large, found {0:.1}: are \
@@ -73,7 +79,23 @@ pub fn pinhole(camera: &Camera) -> Result<Intrinsics, LensError> {
     if stretch.is_nan() || stretch > MOST_STRETCHED {
         return Err(LensError::Stretched(stretch));
     }
-    Ok(Intrinsics { width, height, fx, fy, cx: scale * left * fx, cy: scale * top * fy })
+    let straight =
+        Intrinsics { width, height, fx, fy, cx: scale * left * fx, cy: scale * top * fy };
+    if folds(&optics, &straight) {
+        return Err(LensError::Folded);
+    }
+    Ok(straight)
+}
+
+/// Whether the lens is not one-to-one somewhere in the picture of the pinhole camera.
+fn folds(optics: &Optics, seen: &Intrinsics) -> bool {
+    let along =
+        |side: u32, at: u32| f64::from(side.max(1) - 1) * f64::from(at) / f64::from(EDGE_POINTS);
+    let is_folded =
+        |x: f64, y: f64| !optics.is_one_to_one([(x - seen.cx) / seen.fx, (y - seen.cy) / seen.fy]);
+    (0..=EDGE_POINTS).any(|column| {
+        (0..=EDGE_POINTS).any(|row| is_folded(along(seen.width, column), along(seen.height, row)))
+    })
 }
 
 /// The largest number up to `most` for which `holds`; it must hold for all smaller ones.

@@ -203,6 +203,43 @@ fn nothing_is_done_to_frames_that_are_registered() {
     assert_eq!(frame.depth_metres[..], depth[..]);
 }
 
+/// A floor that a robot sees from just above it: neighbouring rows are far apart in depth.
+#[test]
+fn a_floor_at_a_grazing_angle_is_one_surface() {
+    let color = Intrinsics { width: 640, height: 480, fx: 600.0, fy: 600.0, cx: 320.0, cy: 240.0 };
+    let depth = Intrinsics { width: 640, height: 480, fx: 385.0, fy: 385.0, cx: 320.0, cy: 240.0 };
+    let straight = |intrinsics| Camera { intrinsics, distortion: Distortion::None };
+    // Color is 5 cm above depth; y is down.
+    let color_from_depth = Isometry3::translation(0.0, 0.05, 0.0);
+    let cameras = Cameras {
+        color: straight(color),
+        depth: Some(DepthCamera::Own { camera: straight(depth), color_from_depth }),
+    };
+    let floor = |camera: &Intrinsics, height: f64| -> Vec<f32> {
+        let at = |pixel: u32| {
+            let down = (f64::from(pixel / camera.width) - camera.cy) / camera.fy;
+            let metres = height / down;
+            if down > 0.0 && metres < 8.0 { metres as f32 } else { 0.0 }
+        };
+        (0..camera.width * camera.height).map(at).collect()
+    };
+    for height in [0.1, 0.3, 1.0] {
+        let registration = Registration::new(cameras).unwrap();
+        let found = registration.register(raw(&cameras, floor(&depth, height))).unwrap();
+        let truth = floor(&color, height + 0.05);
+        // What depth sees too, which does not look as far down.
+        let seen = |metres: f32| {
+            metres > 0.0 && f64::from(metres) > 1.05 * height * 385.0 / 239.0 && metres < 7.5
+        };
+        let both: Vec<_> =
+            truth.iter().zip(&*found.depth_metres).filter(|(truth, _)| seen(**truth)).collect();
+        let right =
+            both.iter().filter(|(truth, found)| (*found - *truth).abs() <= 0.01 * *truth).count();
+        let share = right as f64 / both.len() as f64;
+        assert!(both.len() > 20_000 && share > 0.99, "{height} m: {share:.4} of {}", both.len());
+    }
+}
+
 #[test]
 fn a_phone_s_small_depth_is_enlarged() {
     let cameras = Cameras {
@@ -331,6 +368,25 @@ fn a_lens_that_sees_nothing_is_refused() {
     blind.intrinsics.cx = -300.0;
     let refused = Registration::new(Cameras { color: blind, depth: None });
     assert!(matches!(refused, Err(LensError::Blind)));
+}
+
+/// Coefficients in another order than OpenCV's: as k4a's struct has them, and with the tangential ones last.
+#[test]
+fn a_lens_whose_rays_cross_is_refused() {
+    let lens = |coefficients| {
+        let camera = color_camera(Distortion::BrownConrady(coefficients));
+        Registration::new(Cameras { color: camera, depth: None })
+    };
+    for wrong in [
+        [0.5, -2.6, 1.5, 0.4, -2.5, 1.4, 0.0007, -0.0002],
+        [0.2, -0.6, 0.5, 0.001, -0.0005, 0.0, 0.0, 0.0],
+        [0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ] {
+        assert!(matches!(lens(wrong), Err(LensError::Folded)), "{wrong:?}: {:?}", lens(wrong));
+    }
+    // In OpenCV's order.
+    assert!(lens([0.5, -2.6, 0.0007, -0.0002, 1.5, 0.4, -2.5, 1.4]).is_ok());
+    assert!(lens([0.2, -0.6, 0.001, -0.0005, 0.5, 0.0, 0.0, 0.0]).is_ok());
 }
 
 #[test]

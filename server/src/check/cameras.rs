@@ -12,6 +12,8 @@ use nalgebra::Isometry3;
 
 /// Largest distance between the color and the depth camera, metres.
 const FARTHEST_APART: f64 = 10.0;
+/// Most by which the shape of depth through color's lens may differ from color's: small pictures are rounded.
+const MOST_OBLONG: f64 = 1.1;
 /// Brown–Conrady coefficients that are used.
 const BROWN_CONRADY: usize = 8;
 
@@ -27,7 +29,8 @@ pub(super) fn registration(open: &v1::OpenMap, limits: &Limits) -> Result<Regist
         intrinsics: camera::from_wire("intrinsics", wire, limits.max_pixels)?,
         distortion: distortion("distortion", open.distortion.as_ref())?,
     };
-    let depth = open.depth_camera.as_ref().map(|wire| depth_camera(wire, limits)).transpose()?;
+    let depth =
+        open.depth_camera.as_ref().map(|wire| depth_camera(wire, &color, limits)).transpose()?;
     if let Some(DepthCamera::Own { camera, .. }) = &depth {
         pinhole(camera)
             .map_err(|error| Refusal::new("depth_camera.distortion", error.to_string()))?;
@@ -36,7 +39,11 @@ pub(super) fn registration(open: &v1::OpenMap, limits: &Limits) -> Result<Regist
         .map_err(|error| Refusal::new("distortion", error.to_string()))
 }
 
-fn depth_camera(wire: &v1::DepthCamera, limits: &Limits) -> Result<DepthCamera, Refusal> {
+fn depth_camera(
+    wire: &v1::DepthCamera,
+    color: &Camera,
+    limits: &Limits,
+) -> Result<DepthCamera, Refusal> {
     const FIELD: &str = "depth_camera.intrinsics";
     let size = wire.intrinsics.as_ref().ok_or_else(|| {
         Refusal::new(FIELD, "missing: expected the width and height of depth images")
@@ -52,6 +59,15 @@ fn depth_camera(wire: &v1::DepthCamera, limits: &Limits) -> Result<DepthCamera, 
         let sides = (f64::from(width), f64::from(height));
         let any = v1::Intrinsics { width, height, fx: sides.0, fy: sides.1, cx: 0.0, cy: 0.0 };
         camera::from_wire(FIELD, &any, limits.max_pixels)?;
+        let Intrinsics { width: columns, height: rows, .. } = color.intrinsics;
+        let stretch = sides.0 / sides.1 * f64::from(rows) / f64::from(columns);
+        if !(1.0 / MOST_OBLONG..=MOST_OBLONG).contains(&stretch) {
+            let reason = format!(
+                "expected depth of color's shape ({columns}x{rows}), found {width}x{height}: is it turned by 90 degrees, \
+                 or does it see more or less than color and needs fx, fy, cx and cy of its own?"
+            );
+            return Err(Refusal::new(FIELD, reason));
+        }
         return Ok(DepthCamera::SameLens { width, height });
     }
     let color_from_depth = match pose {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// Numbers in a pose covariance: 6x6.
 const COVARIANCE_NUMBERS: usize = 36;
-/// Share of the depth camera's pixels with depth that color has at least.
+/// Pixels of color with depth at least, as a share of the depth camera's.
 const LEAST_SEEN: f64 = 0.01;
 /// Longest time between color and depth of a frame, nanoseconds.
 const LONGEST_LAG_NANOS: u64 = 500_000_000;
@@ -80,16 +80,15 @@ pub(crate) fn registered(raw: RawFrame, opening: &Opening) -> Result<Frame, Refu
     let frame = registration::registered(raw, &opening.registration)
         .map_err(|error| Refusal::new("intrinsics", error.to_string()))?;
     let is_moved = !Arc::ptr_eq(&sent, &frame.depth_metres);
-    let share = |depths: &[f32]| {
-        let measured = depths.iter().filter(|depth| **depth > 0.0).count();
-        measured as f64 / depths.len().max(1) as f64
-    };
-    if is_moved && share(&frame.depth_metres) < LEAST_SEEN * share(&sent) {
+    let measured = |depths: &[f32]| depths.iter().filter(|depth| **depth > 0.0).count() as f64;
+    // A depth camera with more pixels than color cannot give each of them a place.
+    let places = (frame.depth_metres.len() as f64 / sent.len().max(1) as f64).min(1.0);
+    if is_moved && measured(&frame.depth_metres) < LEAST_SEEN * measured(&sent) * places {
         let reason = format!(
-            "the color camera sees hardly any of it: {:.1} % of its pixels have depth, and {:.0} % of the depth \
-             camera's: is depth_camera.color_from_depth right, in metres, and not inverted?",
-            100.0 * share(&frame.depth_metres),
-            100.0 * share(&sent)
+            "the color camera sees hardly any of it: {} of its pixels have depth, and {} of the depth camera's: is \
+             depth_camera.color_from_depth right, in metres, and not inverted?",
+            measured(&frame.depth_metres),
+            measured(&sent)
         );
         return Err(Refusal::new("depth", reason));
     }

@@ -165,6 +165,34 @@ fn a_frame_may_have_a_camera_of_its_own() {
 }
 
 #[test]
+fn depth_through_color_s_lens_has_color_s_shape() {
+    let sized = |width, height| {
+        let intrinsics = Some(v1::Intrinsics { width, height, ..v1::Intrinsics::default() });
+        let depth_camera = Some(v1::DepthCamera { intrinsics, ..v1::DepthCamera::default() });
+        opening(&v1::OpenMap { depth_camera, ..open_message() }, &LIMITS)
+    };
+    let (width, height) = (WIDTH, PIXELS as u32 / WIDTH);
+    assert!(sized(width / 2, height / 2).is_ok());
+    let refusal = sized(height / 2, width / 2).unwrap_err();
+    assert_eq!(refusal.field, "depth_camera.intrinsics");
+    assert!(refusal.reason.contains("90 degrees"), "{refusal}");
+}
+
+/// A line of depth gives few pixels of color their depth, and is taken all the same.
+#[test]
+fn a_line_scanner_is_taken() {
+    let camera = depth(|camera| {
+        let all = camera.intrinsics.unwrap();
+        camera.intrinsics = Some(v1::Intrinsics { height: 1, cy: 0.0, ..all });
+    });
+    let opening =
+        opening(&v1::OpenMap { depth_camera: camera, ..open_message() }, &LIMITS).unwrap();
+    let wire = with_depth(DepthFormat::U16, u16_bytes(&[2000_u16; 16]));
+    let seen = registered(frame(&wire, &opening, None, &LIMITS).unwrap(), &opening).unwrap();
+    assert!(seen.depth_metres.iter().any(|depth| *depth > 0.0));
+}
+
+#[test]
 fn depth_that_does_not_reach_the_picture_is_refused() {
     let wire = with_depth(DepthFormat::U16, u16_bytes(&[2000_u16; 16 * 12]));
     let registered_at = |x: f64| {
