@@ -152,7 +152,8 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     (*sums)[13] += vec4<f32>(select(0.0, 1.0, visible), select(0.0, 1.0, agrees), select(0.0, 1.0, meets), 0.0);
 }
 
-/// Element i looks at one pixel of the run [i stride, (i + 1) stride), scattered but fixed.
+/// Element i looks at one pixel of the run [i stride, (i + 1) stride), scattered but fixed. A thread without
+/// pixels writes zeros.
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
@@ -160,21 +161,22 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let width = arguments.live_size.x;
     let stride = arguments.stride;
     let first = workgroup * GROUP * SYSTEM_RUN + lane;
-    if workgroup * GROUP * SYSTEM_RUN >= arguments.count { return; }
+    if workgroup >= arguments.groups { return; }
+    let phase = u32(arguments.gates.w * 65536.0);
     var sums = Sums();
     var start = vec2<u32>(first * stride % width, first * stride / width);
     let jump = vec2<u32>(GROUP * stride % width, GROUP * stride / width);
     for (var k = 0u; k < SYSTEM_RUN; k++) {
         let i = first + k * GROUP;
         let counted = i < arguments.count;
-        let shift = (((i * 2654435769u) >> 16u) * stride) >> 16u;
+        let shift = ((((i * 2654435769u) >> 16u) + phase) % 65536u * stride) >> 16u;
         var here = start + vec2<u32>(shift, 0u);
         here = select(here, vec2<u32>(here.x - width, here.y + 1u), here.x >= width);
         visit(&sums, select(vec2<u32>(0u), here, counted), counted);
         start += jump;
         start = select(start, vec2<u32>(start.x - width, start.y + 1u), start.x >= width);
     }
-    let slot = (workgroup * GROUP + lane) * SYSTEM_ROWS;
+    let slot = ((arguments.first_group + workgroup) * GROUP + lane) * SYSTEM_ROWS;
 //repeat ROW ROWS
     partials[slot + $ROW] = sums[$ROW];
 //end

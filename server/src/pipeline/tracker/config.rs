@@ -25,7 +25,8 @@ pub struct TrackerConfig {
     pub steps: Vec<usize>,
     /// The same for an initial pose that may be far off.
     pub wide_steps: Vec<usize>,
-    /// About the number of pixels that are compared at the finest level; all pixels of the others are.
+    /// About the number of pixels that are compared at the finest level, with all references together; half
+    /// as many at each coarser level.
     pub pixels: usize,
     /// Weight of the photometric term, 1 / intensity².
     pub photometric_weight: f64,
