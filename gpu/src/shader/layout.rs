@@ -126,6 +126,8 @@ constants! {
     GATE_SIGMAS: f32 = 3.0;
     /// A rendered pixel must be more opaque than this to have an intensity and a depth.
     MIN_OPACITY: f32 = 0.5;
+    /// Stands for a normal that is not there; no normal is packed as this.
+    NO_NORMAL: u32 = 0x8000_8000;
     /// Rows of a normal system: 36 of the matrix, 8 of the gradient, 8 sums.
     SYSTEM_ROWS: u32 = 14;
     /// Pixels that one thread adds to a normal system.

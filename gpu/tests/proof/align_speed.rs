@@ -18,11 +18,11 @@ fn time_of_pyramid_and_alignment() {
     let mut pyramid = bench.pyramid(&camera, &frame, 3);
     let taken = time(&mut || {
         bench.pyramids.fill(&mut pyramid, &frame.rgb, &frame.depth).expect("fits");
-        pyramid.levels()[2].normals.read(&bench.gpu, 1).expect("reads");
+        pyramid.levels()[2].surface.read(&bench.gpu, 1).expect("reads");
     });
     println!("pyramid of 3 levels from 600x340: {taken}");
     let taken = time(&mut || {
-        pyramid.levels()[2].normals.read(&bench.gpu, 1).expect("reads");
+        pyramid.levels()[2].surface.read(&bench.gpu, 1).expect("reads");
     });
     println!("read-back alone: {taken}");
     let (reference, live) = bench.pair((600, 340), 3, 0.0);

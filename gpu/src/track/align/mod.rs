@@ -33,7 +33,7 @@ use crate::shader::layout::{
     AlignArguments, ArrayArguments, GROUP, RUN, Row, SYSTEM_ROWS, SYSTEM_RUN,
 };
 use crate::shader::{Access, Constant, GRID, Kernel, Recorder, Shader};
-use crate::track::pyramid::{Level, Pyramid};
+use crate::track::pyramid::{Level, PACKED, Pyramid};
 
 mod normal_system;
 pub mod se3;
@@ -138,7 +138,7 @@ pub fn shaders() -> [Shader; 3] {
     let system = |label, cauchy| Shader {
         label,
         entry: "main",
-        parts: vec![GRID, include_str!("system.wgsl")],
+        parts: vec![GRID, PACKED, include_str!("system.wgsl")],
         constants: vec![("CAUCHY", Constant::Bool(cauchy)), ("ROWS", Constant::U32(SYSTEM_ROWS))],
         bindings: vec![Read, Read, Read, Read, Write],
     };
@@ -216,8 +216,13 @@ impl Aligner {
                 first_group: at * groups,
                 ..arguments(comparison, settings, phase)
             };
-            let buffers: [&wgpu::Buffer; 5] =
-                [&reference.rows, &reference.normals, &live.rows, &live.normals, &self.partials[0]];
+            let buffers: [&wgpu::Buffer; 5] = [
+                &reference.colors,
+                &reference.surface,
+                &live.colors,
+                &live.surface,
+                &self.partials[0],
+            ];
             recorder.dispatch(kernel, &arguments, &buffers, groups);
         }
         let result = self.sum(&mut recorder, groups * GROUP, count);

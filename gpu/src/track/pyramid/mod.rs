@@ -1,11 +1,12 @@
 //! An RGB-D image as a pyramid of levels on the device, for [`crate::track::align`].
 //!
 //! In: a camera's frame (8 bit RGB, depth in metres) or a rendered view (rows r, g, b, D and pixel
-//! states). Out: per level [`Level::rows`], height x width of (intensity, depth, dI/du, dI/dv), and
-//! [`Level::normals`], height x width of (unit normal to the camera, 1), all in the level's own
-//! camera frame. Intensity is in [0, 1] or -1 for none; depth in metres or 0 for none; a normal is
-//! 0 where a neighbour's depth is missing or more than [`DEPTH_AGREEMENT`] away, and where depth
-//! bends by more than [`DEPTH_BEND`]; slopes are per pixel.
+//! states). Out: per level [`Level::colors`], height x width of (intensity, dI/du, dI/dv), and
+//! [`Level::surface`], height x width of (depth, unit normal to the camera), all in the level's own
+//! camera frame, packed as `packed.wgsl` says. Intensity is in [0, 1] or -1 for none; depth in
+//! metres or 0 for none; there is no normal where a neighbour's depth is missing or more than
+//! [`DEPTH_AGREEMENT`] away, and where depth bends by more than [`DEPTH_BEND`]; slopes are per
+//! pixel.
 //!
 //! A coarser level halves the finer one: a pixel covers 2x2 of it, and an odd last column or row is
 //! left out, so that pixel areas keep their place as [`Camera::resized`] has it. A pyramid is
@@ -19,6 +20,8 @@ use crate::pass::Camera;
 use crate::shader::layout::{PixelState, PyramidArguments, Row};
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
 
+/// How a pixel is packed.
+pub(super) const PACKED: &str = include_str!("packed.wgsl");
 /// Smallest width and height of a level, in pixels.
 const SMALLEST: u32 = 4;
 
@@ -42,10 +45,11 @@ pub struct Pyramid {
 pub struct Level {
     /// Size and intrinsics of this level; the pose is not used.
     pub camera: Camera,
-    /// Height x width of (intensity or -1, depth in metres or 0, dI/du, dI/dv).
-    pub rows: Buffer<Row>,
-    /// Height x width of (unit normal, 1), or 0 where there is none.
-    pub normals: Buffer<Row>,
+    /// Height x width of intensity or -1, and dI/du and dI/dv in 16 bits each.
+    pub colors: Buffer<[u32; 2]>,
+    /// Height x width of depth in metres or 0, and the normal in 16 bits for each axis of an
+    /// octahedron, or [`NO_NORMAL`](crate::shader::layout::NO_NORMAL).
+    pub surface: Buffer<[u32; 2]>,
     bases: Buffer<[f32; 2]>,
 }
 
@@ -55,7 +59,7 @@ pub fn shaders() -> [Shader; 4] {
     let shader = |label, text, bindings| Shader {
         label,
         entry: "main",
-        parts: vec![GRID, include_str!("intensity.wgsl"), text],
+        parts: vec![GRID, include_str!("intensity.wgsl"), PACKED, text],
         constants: Vec::new(),
         bindings,
     };
@@ -92,8 +96,8 @@ impl Pyramids {
         let cameras = cameras(camera, levels)?;
         let level = |camera: Camera| {
             Ok(Level {
-                rows: Buffer::new(&self.gpu, "level rows", camera.pixels())?,
-                normals: Buffer::new(&self.gpu, "level normals", camera.pixels())?,
+                colors: Buffer::new(&self.gpu, "level colors", camera.pixels())?,
+                surface: Buffer::new(&self.gpu, "level surface", camera.pixels())?,
                 bases: Buffer::new(&self.gpu, "level bases", camera.pixels())?,
                 camera,
             })
@@ -164,7 +168,7 @@ impl Pyramids {
             recorder.dispatch_threads(&self.halve, &arguments, &buffers, coarse.camera.pixels());
         }
         for level in &pyramid.levels {
-            let buffers: [&wgpu::Buffer; 3] = [&level.bases, &level.rows, &level.normals];
+            let buffers: [&wgpu::Buffer; 3] = [&level.bases, &level.colors, &level.surface];
             let pixels = level.camera.pixels();
             recorder.dispatch_threads(&self.finish, &arguments(level, 0), &buffers, pixels);
         }
@@ -179,7 +183,7 @@ impl Pyramid {
 
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
-        let level = |level: &Level| level.rows.size() + level.normals.size() + level.bases.size();
+        let level = |level: &Level| level.colors.size() + level.surface.size() + level.bases.size();
         self.frame.size() + self.levels.iter().map(level).sum::<u64>()
     }
 }
