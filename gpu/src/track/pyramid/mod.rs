@@ -37,8 +37,9 @@ pub struct Pyramids {
 /// One image at several sizes, finest first.
 pub struct Pyramid {
     levels: Vec<Level>,
-    frame: Buffer<[u32; 2]>,
-    packed: Vec<[u32; 2]>,
+    /// Three bytes a pixel, r, g, b.
+    rgb8: Buffer<[u8; 4]>,
+    depth_metres: Buffer<f32>,
 }
 
 /// One image at one size.
@@ -64,7 +65,7 @@ pub fn shaders() -> [Shader; 4] {
         bindings,
     };
     [
-        shader("pyramid_unpack", include_str!("unpack.wgsl"), vec![Read, Write]),
+        shader("pyramid_unpack", include_str!("unpack.wgsl"), vec![Read, Read, Write]),
         shader("pyramid_rendered", include_str!("rendered.wgsl"), vec![Read, Read, Write]),
         shader("pyramid_halve", include_str!("halve.wgsl"), vec![Read, Write]),
         shader("pyramid_finish", include_str!("finish.wgsl"), vec![Read, Write, Write]),
@@ -104,8 +105,8 @@ impl Pyramids {
         };
         Ok(Pyramid {
             levels: cameras.into_iter().map(level).collect::<Result<_, GpuError>>()?,
-            frame: Buffer::new(&self.gpu, "frame", camera.pixels())?,
-            packed: Vec::with_capacity(camera.pixels()),
+            rgb8: Buffer::new(&self.gpu, "frame color", (3 * camera.pixels()).div_ceil(4))?,
+            depth_metres: Buffer::new(&self.gpu, "frame depth", camera.pixels())?,
         })
     }
 
@@ -123,13 +124,17 @@ impl Pyramids {
         let pixels = pyramid.levels[0].camera.pixels();
         expect_len("rgb8", 3 * pixels, rgb8.len())?;
         expect_len("depth_metres", pixels, depth_metres.len())?;
-        let colors = rgb8.chunks_exact(3).map(|c| u32::from_le_bytes([c[0], c[1], c[2], 0]));
-        pyramid.packed.clear();
-        pyramid.packed.extend(colors.zip(depth_metres).map(|(rgb, z)| [rgb, z.to_bits()]));
-        pyramid.frame.write(&self.gpu, 0, &pyramid.packed);
+        let (words, rest) = rgb8.as_chunks::<4>();
+        pyramid.rgb8.write(&self.gpu, 0, words);
+        if !rest.is_empty() {
+            let mut word = [0; 4];
+            word[..rest.len()].copy_from_slice(rest);
+            pyramid.rgb8.write(&self.gpu, words.len(), &[word]);
+        }
+        pyramid.depth_metres.write(&self.gpu, 0, depth_metres);
         let mut recorder = Recorder::new(&self.gpu)?;
         let level = &pyramid.levels[0];
-        let buffers: [&wgpu::Buffer; 2] = [&pyramid.frame, &level.bases];
+        let buffers: [&wgpu::Buffer; 3] = [&pyramid.rgb8, &pyramid.depth_metres, &level.bases];
         recorder.dispatch_threads(&self.unpack, &arguments(level, 0), &buffers, pixels);
         self.finish(&mut recorder, pyramid);
         recorder.submit();
@@ -184,7 +189,7 @@ impl Pyramid {
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
         let level = |level: &Level| level.colors.size() + level.surface.size() + level.bases.size();
-        self.frame.size() + self.levels.iter().map(level).sum::<u64>()
+        self.rgb8.size() + self.depth_metres.size() + self.levels.iter().map(level).sum::<u64>()
     }
 }
 
