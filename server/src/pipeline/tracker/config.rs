@@ -184,7 +184,7 @@ impl Default for TrackerConfig {
             width: 640,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
-            pixels: 64_000,
+            pixels: 96_000,
             photometric_weight: 400.0,
             geometric_weight: 1e4,
             depth_noise: 0.0007,
