@@ -24,7 +24,7 @@ pub fn print(gpu: &Gpu) -> Result<(), GpuError> {
     println!("\ntracking, {width} x {height}, {levels} levels; ms");
     let fill = best(10, || {
         pyramids.fill(&mut live, &rgb, &depth)?;
-        live.levels()[levels - 1].normals.read(gpu, 1).map(drop)
+        live.levels()[levels - 1].surface.read(gpu, 1).map(drop)
     })?;
     println!("{:>28} {:>7.2}", "pyramid of a frame", ms(fill));
     let render = best(5, || {
@@ -32,7 +32,7 @@ pub fn print(gpu: &Gpu) -> Result<(), GpuError> {
         let mut recorder = Recorder::new(gpu)?;
         pyramids.fill_rendered(&mut recorder, &reference, drawn.image, drawn.pixels)?;
         recorder.submit();
-        reference.levels()[levels - 1].normals.read(gpu, 1).map(drop)
+        reference.levels()[levels - 1].surface.read(gpu, 1).map(drop)
     })?;
     println!("{:>28} {:>7.2}", "picture and its pyramid", ms(render));
     let start = Estimate::default();

@@ -130,6 +130,8 @@ constants! {
     GATE_SIGMAS: f32 = 3.0;
     /// A rendered pixel must be more opaque than this to have an intensity and a depth.
     MIN_OPACITY: f32 = 0.5;
+    /// Stands for a normal that is not there; no normal is packed as this.
+    NO_NORMAL: u32 = 0x8000_8000;
     /// Rows of a normal system: 36 of the matrix, 8 of the gradient, 8 sums.
     SYSTEM_ROWS: u32 = 14;
     /// Pixels that one thread adds to a normal system.
@@ -342,7 +344,8 @@ structs! {
         /// Robust thresholds of both terms, then residuals of an inlier: intensity, metres.
         thresholds: Row => "vec4<f32>",
         /// Largest distance from a surface in metres, smallest cosine between normals, standard
-        /// deviation of a depth of one metre in metres (it grows with the depth squared), 0.
+        /// deviation of a depth of one metre in metres (it grows with the depth squared), place in a
+        /// run of `stride` pixels, 0 to 1.
         gates: Row => "vec4<f32>",
         /// Width and height of the reference, in pixels.
         reference_size: [u32; 2] => "vec2<u32>",
@@ -356,8 +359,10 @@ structs! {
         count: u32 => "u32",
         /// One of so many live pixels is looked at.
         stride: u32 => "u32",
-        /// Fills the struct to 160 bytes.
-        unused: [u32; 2] => "vec2<u32>",
+        /// Workgroups of this comparison.
+        groups: u32 => "u32",
+        /// Workgroups of those before it.
+        first_group: u32 => "u32",
     }
 }
 

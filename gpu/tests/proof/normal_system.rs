@@ -4,7 +4,7 @@ use crate::room::{Bench, camera, motion};
 
 use crate::oracle::align::{self as oracle, PixelResiduals};
 use crate::oracle::pyramid::{self as levels, HostLevel};
-use lexsplat_gpu::align::{Robust, se3};
+use lexsplat_gpu::align::{Comparison, Robust, se3};
 use lexsplat_gpu::{AlignSettings, Estimate, NormalSystem};
 use nalgebra::{SVector, Vector6};
 
@@ -98,6 +98,39 @@ fn systems_match_the_oracle() {
     }
     println!("worst {worst:?}");
     assert!(worst.0 < SYSTEM_TOLERANCE && worst.1 == 0, "{worst:?}");
+}
+
+#[test]
+fn several_comparisons_share_the_pixels() {
+    let mut bench = Bench::new();
+    let (reference, live) = bench.pair((161, 91), 2, 0.1);
+    let settings = AlignSettings { stride: 6, depth_gate: 0.1, ..AlignSettings::default() };
+    // The last has a fourth of the pixels.
+    let compared = [(0, 0, 0.3), (1, 0, 0.5), (0, 0, 0.7), (0, 1, 0.6)];
+    let levels = |at: usize| {
+        let (of, with, _) = compared[at];
+        (&reference.levels()[of], &live.levels()[with])
+    };
+    let comparisons = compared.map(|(of, with, part)| Comparison {
+        reference: &reference.levels()[of],
+        live: &live.levels()[with],
+        estimate: on_the_way(part),
+    });
+    let found = bench.aligner.systems(&comparisons, &settings).expect("sums");
+    assert_eq!(found.len(), compared.len());
+    for (at, found) in found.iter().enumerate() {
+        let hosts = (bench.host(levels(at).0), bench.host(levels(at).1));
+        let wanted = |phase| {
+            let estimate = &comparisons[at].estimate;
+            oracle::system_from((&hosts.0, &hosts.1), estimate, &settings, phase)
+        };
+        let phase = at as f64 / compared.len() as f64;
+        let off = difference(found, &wanted(phase));
+        // One pixel may lie at a threshold.
+        assert!(off.0 < SYSTEM_TOLERANCE && off.1 <= 1, "{at}: {off:?}");
+        let (others, _) = difference(found, &wanted(phase + 0.25));
+        assert!(others > 10.0 * SYSTEM_TOLERANCE, "other pixels: {others}");
+    }
 }
 
 #[test]

@@ -9,8 +9,8 @@ use nalgebra::Isometry3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Worst measured 5e-6 (llvmpipe): a normal.
-const LEVEL_TOLERANCE: f64 = 5e-5;
+/// Worst measured 5e-5 (llvmpipe): a packed normal.
+const LEVEL_TOLERANCE: f64 = 8e-5;
 
 /// Worst differences of two levels: rows and normals.
 fn level_difference(found: &HostLevel, wanted: &HostLevel) -> f64 {

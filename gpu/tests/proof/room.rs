@@ -5,6 +5,7 @@ use crate::support;
 use crate::oracle::pyramid::{self as levels, HostLevel};
 use lexsplat_gpu::align::se3;
 use lexsplat_gpu::pyramid::Level;
+use lexsplat_gpu::shader::layout::NO_NORMAL;
 use lexsplat_gpu::{Aligner, Buffer, Camera, Estimate, Gpu, Pyramid, Pyramids};
 use nalgebra::{Isometry3, Vector3, Vector6};
 use rand::{Rng, SeedableRng};
@@ -129,15 +130,39 @@ impl Bench {
     }
 
     pub fn host(&self, level: &Level) -> HostLevel {
-        let pixels = level.camera.pixels();
-        let read = |rows: &Buffer<[f32; 4]>| {
-            let rows = rows.read(&self.gpu, pixels).expect("reads");
-            rows.into_iter().map(|row| row.map(f64::from)).collect()
+        let read = |packed: &Buffer<[u32; 2]>| {
+            packed.read(&self.gpu, level.camera.pixels()).expect("reads").into_iter()
         };
-        HostLevel {
-            camera: level.camera.clone(),
-            rows: read(&level.rows),
-            normals: read(&level.normals),
-        }
+        let number = |bits: u32| f64::from(f32::from_bits(bits));
+        let pixels = read(&level.colors).zip(read(&level.surface));
+        let (rows, normals) = pixels
+            .map(|([intensity, slopes], [depth, normal])| {
+                let [slope_u, slope_v] = halves(slopes);
+                ([number(intensity), number(depth), slope_u, slope_v], direction(normal))
+            })
+            .unzip();
+        HostLevel { camera: level.camera.clone(), rows, normals }
     }
+}
+
+/// Two numbers from -1 to 1 in 16 bits each.
+fn halves(packed: u32) -> [f64; 2] {
+    [packed as u16, (packed >> 16) as u16]
+        .map(|half| f64::from(half as i16).max(-32767.0) / 32767.0)
+}
+
+/// A packed normal and 1, or 0.
+fn direction(packed: u32) -> [f64; 4] {
+    if packed == NO_NORMAL {
+        return [0.0; 4];
+    }
+    let [x, y] = halves(packed);
+    let z = 1.0 - x.abs() - y.abs();
+    let [x, y] = if z < 0.0 {
+        [(1.0 - y.abs()) * 1f64.copysign(x), (1.0 - x.abs()) * 1f64.copysign(y)]
+    } else {
+        [x, y]
+    };
+    let length = (x * x + y * y + z * z).sqrt();
+    [x / length, y / length, z / length, 1.0]
 }

@@ -21,63 +21,58 @@ const SAME_SURFACE: f32 = 0.05;
 
 /// The frame with its gaps closed; the frame itself if it has none.
 pub(super) fn closed(frame: &DownsampledFrame) -> Cow<'_, DownsampledFrame> {
-    let (width, height) = (frame.camera.width as usize, frame.camera.height as usize);
-    let depths = &frame.depth_metres;
-    let mut gaps = Gaps { depths, found: vec![None; depths.len()] };
-    for row in 0..height {
-        gaps.find(row * width, 1, width);
-    }
-    for column in 0..width {
-        gaps.find(column, width, height);
-    }
-    if gaps.found.iter().all(Option::is_none) {
+    let width = frame.camera.width as usize;
+    let measured = &*frame.depth_metres;
+    let is_measured = |depth: &f32| *depth > 0.0;
+    if measured.iter().all(is_measured) {
         return Cow::Borrowed(frame);
     }
-    let depth = |(measured, found): (&f32, &Option<(usize, f32)>)| found.map_or(*measured, |f| f.1);
-    let depth_metres = depths.iter().zip(&gaps.found).map(depth).collect();
-    Cow::Owned(DownsampledFrame { depth_metres, ..frame.clone() })
+    let mut gaps = Gaps { depths: measured.to_vec(), widths: vec![0; measured.len()] };
+    // The last measured pixel of each column, and of the row.
+    let mut above = vec![None; width];
+    for (row, depths) in measured.chunks_exact(width).enumerate() {
+        let mut left = None;
+        for column in (0..width).filter(|column| is_measured(&depths[*column])) {
+            let at = row * width + column;
+            for (before, stride) in [(left.replace(at), 1), (above[column].replace(at), width)] {
+                if let Some(before) = before.filter(|before| at - before > stride) {
+                    gaps.close(before, at, stride);
+                }
+            }
+        }
+    }
+    if gaps.widths.iter().all(|width| *width == 0) {
+        return Cow::Borrowed(frame);
+    }
+    Cow::Owned(DownsampledFrame { depth_metres: gaps.depths.into(), ..frame.clone() })
 }
 
 /// The pixels that are closed.
-struct Gaps<'a> {
+struct Gaps {
     /// `[height * width]`, metres; 0 without a measurement.
-    depths: &'a [f32],
-    /// Width of the narrowest gap that a pixel lies in, pixels, and the depth there, metres.
-    found: Vec<Option<(usize, f32)>>,
+    depths: Vec<f32>,
+    /// Width of the narrowest gap that a pixel lies in, pixels; 0 if that is not closed.
+    widths: Vec<u8>,
 }
 
-impl Gaps<'_> {
-    /// Finds the gaps in a row or column of `count` pixels.
-    fn find(&mut self, first: usize, stride: usize, count: usize) {
-        let mut before = None;
-        for at in 0..count {
-            if self.depths[first + at * stride] <= 0.0 {
-                continue;
-            }
-            if let Some(before) = before {
-                self.close(first, stride, before, at);
-            }
-            before = Some(at);
-        }
-    }
-
-    /// Closes what lies between two measured pixels of a row or column. Inverse depth is linear across the
-    /// picture of a plane.
-    fn close(&mut self, first: usize, stride: usize, before: usize, after: usize) {
-        let width = after - before - 1;
-        let (from, to) =
-            (self.depths[first + before * stride], self.depths[first + after * stride]);
+impl Gaps {
+    /// Closes what lies between two measured pixels of a row or column, which are `stride` apart. Inverse
+    /// depth is linear across the picture of a plane.
+    fn close(&mut self, before: usize, after: usize, stride: usize) {
+        let width = (after - before) / stride - 1;
+        let (from, to) = (self.depths[before], self.depths[after]);
         let steps = (width + 1) as f32;
         let limit = f32::min(SLOPE * steps, SAME_SURFACE) * f32::min(from, to);
-        if width == 0 || width > WIDEST || (from - to).abs() > limit {
+        if width > WIDEST || (from - to).abs() > limit {
             return;
         }
         for step in 1..=width {
             let share = step as f32 / steps;
-            let depth = 1.0 / ((1.0 - share) / from + share / to);
-            let found = &mut self.found[first + (before + step) * stride];
-            if found.is_none_or(|(narrowest, _)| width < narrowest) {
-                *found = Some((width, depth));
+            let at = before + step * stride;
+            let narrowest = usize::from(self.widths[at]);
+            if narrowest == 0 || width < narrowest {
+                self.widths[at] = width as u8;
+                self.depths[at] = 1.0 / ((1.0 - share) / from + share / to);
             }
         }
     }

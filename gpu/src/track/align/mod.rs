@@ -24,6 +24,7 @@
 //! Perturbation T <- Exp(tau) T, tau = [rho, theta] (metres, radians). A term adds
 //! `weight rho'(r)/r J J^T` to H, `weight rho'(r) J` to g and `weight rho(r)` to its cost. A
 //! thread sums [`SYSTEM_RUN`] pixels, the sums are summed in a fixed order, 56 numbers come back.
+//! [`Aligner::systems`] sums the systems of several references in one submission.
 
 use nalgebra::Isometry3;
 
@@ -32,7 +33,7 @@ use crate::shader::layout::{
     AlignArguments, ArrayArguments, GROUP, RUN, Row, SYSTEM_ROWS, SYSTEM_RUN,
 };
 use crate::shader::{Access, Constant, GRID, Kernel, Recorder, Shader};
-use crate::track::pyramid::{Level, Pyramid};
+use crate::track::pyramid::{Level, PACKED, Pyramid};
 
 mod normal_system;
 pub mod se3;
@@ -88,8 +89,7 @@ pub struct AlignSettings {
     /// Normals with a smaller cosine between them are of another surface. With a gate above 0 the
     /// live pixel must have a normal; a gate of -1 looks at the reference's alone.
     pub normal_gate: f64,
-    /// On the finest level one of every `stride` live pixels is used, on coarser levels all; see
-    /// [`AlignSettings::at_level`].
+    /// On the finest level one of every `stride` live pixels is used; see [`AlignSettings::at_level`].
     pub stride: u32,
 }
 
@@ -112,6 +112,17 @@ impl Default for AlignSettings {
     }
 }
 
+/// A live level and the reference level that it is compared with.
+#[derive(Clone, Copy)]
+pub struct Comparison<'a> {
+    /// What the live level is compared with.
+    pub reference: &'a Level,
+    /// The level whose pixels are counted.
+    pub live: &'a Level,
+    /// Where the live level was taken, seen from the reference.
+    pub estimate: Estimate,
+}
+
 /// The kernels and their scratch.
 pub struct Aligner {
     gpu: Gpu,
@@ -127,7 +138,7 @@ pub fn shaders() -> [Shader; 3] {
     let system = |label, cauchy| Shader {
         label,
         entry: "main",
-        parts: vec![GRID, include_str!("system.wgsl")],
+        parts: vec![GRID, PACKED, include_str!("system.wgsl")],
         constants: vec![("CAUCHY", Constant::Bool(cauchy)), ("ROWS", Constant::U32(SYSTEM_ROWS))],
         bindings: vec![Read, Read, Read, Read, Write],
     };
@@ -170,23 +181,57 @@ impl Aligner {
         estimate: &Estimate,
         settings: &AlignSettings,
     ) -> Result<NormalSystem, GpuError> {
-        estimate.check()?;
+        let comparison = Comparison { reference, live, estimate: *estimate };
+        let mut systems = self.systems(&[comparison], settings)?;
+        Ok(systems.pop().expect("one comparison has one system"))
+    }
+
+    /// The normal systems of several comparisons, in one submission. Comparison i of n looks at
+    /// pixels that are i / n of a stride further on, so that together they look at more pixels.
+    ///
+    /// # Errors
+    /// As [`Aligner::system`].
+    pub fn systems(
+        &mut self,
+        comparisons: &[Comparison<'_>],
+        settings: &AlignSettings,
+    ) -> Result<Vec<NormalSystem>, GpuError> {
         settings.check()?;
-        let arguments = arguments(reference, live, estimate, settings);
-        let groups = arguments.count.div_ceil(GROUP * SYSTEM_RUN);
-        self.reserve((groups * GROUP) as usize)?;
+        comparisons.iter().try_for_each(|comparison| comparison.estimate.check())?;
+        let elements = |of: &Comparison<'_>| of.live.camera.pixels() as u32 / settings.stride;
+        let most = comparisons.iter().map(elements).max().unwrap_or(0);
+        let groups = most.div_ceil(GROUP * SYSTEM_RUN).max(1);
+        let count = comparisons.len() as u32;
+        self.reserve((count * groups * GROUP) as usize)?;
         let kernel = match settings.geometric_robust {
             Robust::Huber => &self.huber,
             Robust::Cauchy => &self.cauchy,
         };
         let mut recorder = Recorder::new(&self.gpu)?;
-        let buffers: [&wgpu::Buffer; 5] =
-            [&reference.rows, &reference.normals, &live.rows, &live.normals, &self.partials[0]];
-        recorder.dispatch(kernel, &arguments, &buffers, groups);
-        let result = self.sum(&mut recorder, groups * GROUP);
+        for (comparison, at) in comparisons.iter().zip(0..) {
+            let Comparison { reference, live, .. } = comparison;
+            let phase = f64::from(at) / f64::from(count);
+            let arguments = AlignArguments {
+                groups,
+                first_group: at * groups,
+                ..arguments(comparison, settings, phase)
+            };
+            let buffers: [&wgpu::Buffer; 5] = [
+                &reference.colors,
+                &reference.surface,
+                &live.colors,
+                &live.surface,
+                &self.partials[0],
+            ];
+            recorder.dispatch(kernel, &arguments, &buffers, groups);
+        }
+        let result = self.sum(&mut recorder, groups * GROUP, count);
         recorder.submit();
-        let rows = self.partials[result].read(&self.gpu, SYSTEM_ROWS as usize)?;
-        Ok(NormalSystem::from_sums(rows.as_flattened()))
+        let rows = self.partials[result].read(&self.gpu, (count * SYSTEM_ROWS) as usize)?;
+        Ok(rows
+            .chunks_exact(SYSTEM_ROWS as usize)
+            .map(|rows| NormalSystem::from_sums(rows.as_flattened()))
+            .collect())
     }
 
     /// Coarse to fine from `start` to where the live image was taken: [`align`] on the device.
@@ -210,14 +255,14 @@ impl Aligner {
         })
     }
 
-    /// Records the sum of `count` partial systems; which side holds it.
-    fn sum(&self, recorder: &mut Recorder<'_>, mut count: u32) -> usize {
+    /// Records the sums of `count` partial systems of each comparison; which side holds them.
+    fn sum(&self, recorder: &mut Recorder<'_>, mut count: u32, comparisons: u32) -> usize {
         let mut side = 0;
         while count > 1 {
             let runs = count.div_ceil(RUN);
-            let arguments = ArrayArguments { count, detail: 0 };
+            let arguments = ArrayArguments { count, detail: comparisons };
             let buffers: [&wgpu::Buffer; 2] = [&self.partials[side], &self.partials[1 - side]];
-            let threads = (runs * SYSTEM_ROWS) as usize;
+            let threads = (comparisons * runs * SYSTEM_ROWS) as usize;
             recorder.dispatch_threads(&self.sum, &arguments, &buffers, threads);
             (count, side) = (runs, 1 - side);
         }
@@ -250,11 +295,11 @@ impl Estimate {
 
 impl AlignSettings {
     /// These settings for a level: on coarser levels, where the motion may still be large, the depth
-    /// gate is wider and all pixels are used.
+    /// gate is wider. A level that has a fourth of the pixels has half of those that are used.
     #[must_use]
     pub fn at_level(&self, level: usize) -> Self {
         let wider = 4f64.powi(level.min(8) as i32);
-        let stride = if level == 0 { self.stride } else { 1 };
+        let stride = self.stride.div_ceil(1 << level.min(8));
         Self { depth_gate: self.depth_gate * wider, stride, ..*self }
     }
 
@@ -284,12 +329,9 @@ impl AlignSettings {
     }
 }
 
-fn arguments(
-    reference: &Level,
-    live: &Level,
-    estimate: &Estimate,
-    settings: &AlignSettings,
-) -> AlignArguments {
+/// Those of a comparison alone.
+fn arguments(comparison: &Comparison<'_>, settings: &AlignSettings, phase: f64) -> AlignArguments {
+    let Comparison { reference, live, estimate } = comparison;
     let pose = estimate.reference_from_live.to_homogeneous().cast::<f32>();
     let row = |i: usize| [pose[(i, 0)], pose[(i, 1)], pose[(i, 2)], pose[(i, 3)]];
     let intrinsics = |level: &Level| {
@@ -312,11 +354,12 @@ fn arguments(
             settings.geometric_agreement,
         ]
         .map(|threshold| threshold as f32),
-        gates: [settings.depth_gate, settings.normal_gate, settings.depth_noise, 0.0]
+        gates: [settings.depth_gate, settings.normal_gate, settings.depth_noise, phase]
             .map(|gate| gate as f32),
         live_size: [live.camera.width, live.camera.height],
         count: live.camera.pixels() as u32 / settings.stride,
         stride: settings.stride,
-        unused: [0; 2],
+        groups: 0,
+        first_group: 0,
     }
 }

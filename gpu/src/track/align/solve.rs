@@ -11,6 +11,8 @@ const FIRST_DAMPING: f64 = 1e-4;
 const DAMPING_FACTOR: f64 = 10.0;
 /// Damping after a step that raised the cost: the least that shortens the next one.
 const RETRY_DAMPING: f64 = 0.1;
+/// A step that changes the exposure by more is looked at, however little it moves.
+const SMALLEST_EXPOSURE: f64 = 5e-3;
 /// A step that changes the cost by no more than this part of it was taken at the bottom.
 const FLAT: f64 = 1e-3;
 /// A step that loses more of the residuals has left the scene, however low their cost.
@@ -29,8 +31,9 @@ pub struct Schedule {
     pub with_exposure: bool,
     /// Prior knowledge of the pose.
     pub prior: Option<Prior>,
-    /// A level is done when a step moves less than this: |[rho, theta]|, metres and radians; or
-    /// when it hardly changes the cost.
+    /// A level is done with a step that moves less than this: |[rho, theta]|, metres and radians,
+    /// four times as much with each coarser level. Such a step is taken without another look. A
+    /// level is also done when a step hardly changes the cost.
     pub smallest_step: f64,
 }
 
@@ -57,7 +60,8 @@ pub struct Aligned {
     pub information: Matrix6<f64>,
     /// Smallest over largest eigenvalue of the information; near 0 when some motion is not seen.
     pub conditioning: f64,
-    /// The last level's system at the estimate: costs and counts.
+    /// The last level's system: costs and counts. It is at the estimate, or less than
+    /// [`Schedule::smallest_step`] away.
     pub system: NormalSystem,
     /// Systems that were summed.
     pub evaluations: usize,
@@ -97,12 +101,15 @@ pub fn align<E>(
     let mut last = None;
     for (level, steps) in schedule.steps.iter().enumerate().rev() {
         if *steps > 0 {
-            last = Some(state.descend(schedule, *steps, |estimate| system(level, estimate))?);
+            last = Some(state.descend(schedule, level, |estimate| system(level, estimate))?);
         }
     }
     let system = match last {
         Some(system) => system,
-        None => state.descend(schedule, 0, |estimate| system(0, estimate))?,
+        None => {
+            state.evaluations += 1;
+            system(0, start)?
+        }
     };
     Ok(Aligned {
         estimate: state.estimate,
@@ -121,33 +128,38 @@ struct State {
 }
 
 impl State {
-    /// Minimises on one level; returns the system at the final estimate.
+    /// Minimises on one level; returns the system at the final estimate, or where the last small step
+    /// began.
     fn descend<E>(
         &mut self,
         schedule: &Schedule,
-        steps: usize,
+        level: usize,
         mut system: impl FnMut(&Estimate) -> Result<NormalSystem, E>,
     ) -> Result<NormalSystem, E> {
         let prior = schedule.prior.as_ref();
+        let smallest_step = schedule.smallest_step * 4f64.powi(level.min(8) as i32);
         let mut current = system(&self.estimate)?;
         let mut damping = FIRST_DAMPING;
         self.evaluations += 1;
         self.converged = false;
-        for _ in 0..steps {
+        for _ in 0..schedule.steps[level] {
             let with_prior = prior.map(|prior| (prior, &self.estimate));
             let Some(step) = current.solve(damping, schedule.with_exposure, with_prior) else {
                 break;
             };
             let trial = self.estimate.moved(&step);
+            // A step that damping made short says nothing of the bottom.
+            let is_free = damping < RETRY_DAMPING;
+            if is_free && step.tau.norm() < smallest_step && changes_little(step.exposure) {
+                (self.estimate, self.converged) = (trial, true);
+                break;
+            }
             let next = system(&trial)?;
             self.evaluations += 1;
             let costs = [cost(&current, &self.estimate, prior), cost(&next, &trial, prior)];
             let better = costs[1] <= costs[0]
                 && f64::from(next.residuals()) >= KEPT * f64::from(current.residuals());
-            // A step that damping made short says nothing of the bottom.
-            let done = damping < RETRY_DAMPING
-                && (step.tau.norm() < schedule.smallest_step
-                    || (costs[1] - costs[0]).abs() <= FLAT * costs[0]);
+            let done = is_free && (costs[1] - costs[0]).abs() <= FLAT * costs[0];
             if better {
                 (self.estimate, current) = (trial, next);
                 damping /= DAMPING_FACTOR;
@@ -162,6 +174,10 @@ impl State {
         }
         Ok(current)
     }
+}
+
+fn changes_little(exposure: [f64; 2]) -> bool {
+    exposure.iter().all(|change| change.abs() < SMALLEST_EXPOSURE)
 }
 
 /// Cost per residual, so that estimates with different numbers of them can be compared; infinite

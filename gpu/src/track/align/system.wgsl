@@ -11,10 +11,10 @@
 // With weight w = (term's weight) rho'(r) / r:  H += w J J^T,  g += w r J,  cost += weight rho(r).
 
 @group(0) @binding(0) var<uniform> arguments: AlignArguments;
-@group(0) @binding(1) var<storage, read> reference: array<vec4<f32>>; // intensity, depth, slopes
-@group(0) @binding(2) var<storage, read> reference_normals: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> live: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> live_normals: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> reference_colors: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> reference_surface: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> live_colors: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> live_surface: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read_write> partials: array<vec4<f32>>;
 
 /// Upper triangle of H row by row, g, costs and counts.
@@ -85,8 +85,9 @@ fn add(sums: ptr<function, Sums>, t: Term) {
 /// Adds the live pixel (x, y) to the sums.
 fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let pixel = here.y * arguments.live_size.x + here.x;
-    let seen = live[pixel];
-    let z = seen.y;
+    let seen = bitcast<f32>(live_colors[pixel].x);
+    let own_surface = live_surface[pixel];
+    let z = bitcast<f32>(own_surface.x);
     let is_live = counted && z > 0.0 && z < FAR;
     let ray = (vec2<f32>(here) - arguments.live.zw) / arguments.live.xy;
     let p = vec4<f32>(ray * z, z, 1.0);
@@ -105,37 +106,37 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     let corner = min(vec2<u32>(place), size - vec2<u32>(2u));
     let part = place - vec2<f32>(corner);
     let first = corner.y * size.x + corner.x;
-    let a = reference[first];
-    let b = reference[first + 1u];
-    let c = reference[first + size.x];
-    let d = reference[first + size.x + 1u];
+    let a = color(reference_colors[first]);
+    let b = color(reference_colors[first + 1u]);
+    let c = color(reference_colors[first + size.x]);
+    let d = color(reference_colors[first + size.x + 1u]);
     let step = select(vec2<u32>(0u), vec2<u32>(1u), part >= vec2<f32>(0.5));
-    let nearest = first + step.x + step.y * size.x;
-    let depth = select(select(a.y, b.y, step.x > 0u), select(c.y, d.y, step.x > 0u), step.y > 0u);
+    let nearest = reference_surface[first + step.x + step.y * size.x];
+    let depth = bitcast<f32>(nearest.x);
     let anchor = vec2<f32>(corner + step) - arguments.reference.zw;
-    let normal = reference_normals[nearest];
-    let off = dot(normal.xyz, q - depth * vec3<f32>(anchor / focal, 1.0));
-    let own = live_normals[pixel].xyz;
+    let plane = normal(nearest.y);
+    let off = dot(plane.xyz, q - depth * vec3<f32>(anchor / focal, 1.0));
+    let own = normal(own_surface.y).xyz;
     let turned = vec3<f32>(dot(arguments.pose_x.xyz, own), dot(arguments.pose_y.xyz, own),
         dot(arguments.pose_z.xyz, own));
     let noise = arguments.gates.z * q.z * q.z;
     let gate = arguments.gates.x + GATE_SIGMAS * noise;
-    let has_plane = inside && depth > 0.0 && normal.w > 0.0;
+    let has_plane = inside && depth > 0.0 && plane.w > 0.0;
     let same = has_plane && abs(off) <= gate
-        && dot(turned, normal.xyz) >= arguments.gates.y;
+        && dot(turned, plane.xyz) >= arguments.gates.y;
 
-    let mixed = mix(mix(a.xzw, b.xzw, part.x), mix(c.xzw, d.xzw, part.x), part.y);
-    let gain = arguments.exposure.x * seen.x;
+    let mixed = mix(mix(a, b, part.x), mix(c, d, part.x), part.y);
+    let gain = arguments.exposure.x * seen;
     let change = mixed.x - gain - arguments.exposure.y;
     let scaled = focal * mixed.yz * inverse;
-    let bright = min(min(a.x, b.x), min(c.x, d.x)) >= 0.0 && seen.x >= 0.0;
+    let bright = min(min(a.x, b.x), min(c.x, d.x)) >= 0.0 && seen >= 0.0;
     let photometric = term(change, q, vec3<f32>(scaled, -dot(scaled, q.xy) * inverse),
         vec2<f32>(-gain, -1.0), huber(change, arguments.thresholds.x),
         vec2<f32>(arguments.weights.x, arguments.thresholds.z),
         same && bright);
 
     let certain = arguments.weights.y / (1.0 + arguments.weights.y * noise * noise);
-    let geometric = term(off, q, normal.xyz, vec2<f32>(0.0), geometric_robust(off),
+    let geometric = term(off, q, plane.xyz, vec2<f32>(0.0), geometric_robust(off),
         vec2<f32>(certain, arguments.thresholds.w),
         same);
 
@@ -152,7 +153,8 @@ fn visit(sums: ptr<function, Sums>, here: vec2<u32>, counted: bool) {
     (*sums)[13] += vec4<f32>(select(0.0, 1.0, visible), select(0.0, 1.0, agrees), select(0.0, 1.0, meets), 0.0);
 }
 
-/// Element i looks at one pixel of the run [i stride, (i + 1) stride), scattered but fixed.
+/// Element i looks at one pixel of the run [i stride, (i + 1) stride), scattered but fixed. A thread without
+/// pixels writes zeros.
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
@@ -160,21 +162,22 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let width = arguments.live_size.x;
     let stride = arguments.stride;
     let first = workgroup * GROUP * SYSTEM_RUN + lane;
-    if workgroup * GROUP * SYSTEM_RUN >= arguments.count { return; }
+    if workgroup >= arguments.groups { return; }
+    let phase = u32(arguments.gates.w * 65536.0);
     var sums = Sums();
     var start = vec2<u32>(first * stride % width, first * stride / width);
     let jump = vec2<u32>(GROUP * stride % width, GROUP * stride / width);
     for (var k = 0u; k < SYSTEM_RUN; k++) {
         let i = first + k * GROUP;
         let counted = i < arguments.count;
-        let shift = (((i * 2654435769u) >> 16u) * stride) >> 16u;
+        let shift = ((((i * 2654435769u) >> 16u) + phase) % 65536u * stride) >> 16u;
         var here = start + vec2<u32>(shift, 0u);
         here = select(here, vec2<u32>(here.x - width, here.y + 1u), here.x >= width);
         visit(&sums, select(vec2<u32>(0u), here, counted), counted);
         start += jump;
         start = select(start, vec2<u32>(start.x - width, start.y + 1u), start.x >= width);
     }
-    let slot = (workgroup * GROUP + lane) * SYSTEM_ROWS;
+    let slot = ((arguments.first_group + workgroup) * GROUP + lane) * SYSTEM_ROWS;
 //repeat ROW ROWS
     partials[slot + $ROW] = sums[$ROW];
 //end

@@ -7,8 +7,8 @@
 
 @group(0) @binding(0) var<uniform> arguments: PyramidArguments;
 @group(0) @binding(1) var<storage, read> bases: array<vec2<f32>>;
-@group(0) @binding(2) var<storage, read_write> rows: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> normals: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> colors: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read_write> surface: array<vec2<u32>>;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -26,7 +26,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let down = bases[pixel + select(0u, width, v + 1u < arguments.size.y)];
     let slope_u = slope(left.x, here.x, right.x, u > 0u, u + 1u < width);
     let slope_v = slope(up.x, here.x, down.x, v > 0u, v + 1u < arguments.size.y);
-    rows[pixel] = vec4<f32>(here, slope_u, slope_v);
+    colors[pixel] = pack_color(here.x, vec2<f32>(slope_u, slope_v));
 
     let x = (f32(u) - arguments.centre.x) / arguments.focal.x;
     let y = (f32(v) - arguments.centre.y) / arguments.focal.y;
@@ -34,15 +34,16 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let dy = 1.0 / arguments.focal.y;
     let along = right.y * vec3<f32>(x + dx, y, 1.0) - left.y * vec3<f32>(x - dx, y, 1.0);
     let across = down.y * vec3<f32>(x, y + dy, 1.0) - up.y * vec3<f32>(x, y - dy, 1.0);
-    let normal = cross(across, along);
+    let facing = cross(across, along);
     let near = abs(vec4<f32>(left.y, right.y, up.y, down.y) - vec4<f32>(here.y))
         <= vec4<f32>(DEPTH_AGREEMENT * here.y);
-    let squared = dot(normal, normal);
+    let squared = dot(facing, facing);
     // Differences of neighbours first: they are exact.
     let bend = abs(vec2<f32>((left.y - here.y) + (right.y - here.y), (up.y - here.y) + (down.y - here.y)));
     let flat = all(bend <= vec2<f32>(DEPTH_BEND * here.y));
     let valid = inner && here.y > 0.0 && all(near) && flat && squared > 0.0;
-    normals[pixel] = select(vec4<f32>(0.0), vec4<f32>(normal * inverseSqrt(squared), 1.0), valid);
+    let direction = pack_normal(facing * inverseSqrt(squared));
+    surface[pixel] = vec2<u32>(bitcast<u32>(here.y), select(NO_NORMAL, direction, valid));
 }
 
 fn slope(before: f32, here: f32, after: f32, first: bool, second: bool) -> f32 {

@@ -1,11 +1,12 @@
 //! An RGB-D image as a pyramid of levels on the device, for [`crate::track::align`].
 //!
 //! In: a camera's frame (8 bit RGB, depth in metres) or a rendered view (rows r, g, b, D and pixel
-//! states). Out: per level [`Level::rows`], height x width of (intensity, depth, dI/du, dI/dv), and
-//! [`Level::normals`], height x width of (unit normal to the camera, 1), all in the level's own
-//! camera frame. Intensity is in [0, 1] or -1 for none; depth in metres or 0 for none; a normal is
-//! 0 where a neighbour's depth is missing or more than [`DEPTH_AGREEMENT`] away, and where depth
-//! bends by more than [`DEPTH_BEND`]; slopes are per pixel.
+//! states). Out: per level [`Level::colors`], height x width of (intensity, dI/du, dI/dv), and
+//! [`Level::surface`], height x width of (depth, unit normal to the camera), all in the level's own
+//! camera frame, packed as `packed.wgsl` says. Intensity is in [0, 1] or -1 for none; depth in
+//! metres or 0 for none; there is no normal where a neighbour's depth is missing or more than
+//! [`DEPTH_AGREEMENT`] away, and where depth bends by more than [`DEPTH_BEND`]; slopes are per
+//! pixel.
 //!
 //! A coarser level halves the finer one: a pixel covers 2x2 of it, and an odd last column or row is
 //! left out, so that pixel areas keep their place as [`Camera::resized`] has it. A pyramid is
@@ -19,6 +20,8 @@ use crate::pass::Camera;
 use crate::shader::layout::{PixelState, PyramidArguments, Row};
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
 
+/// How a pixel is packed.
+pub(super) const PACKED: &str = include_str!("packed.wgsl");
 /// Smallest width and height of a level, in pixels.
 const SMALLEST: u32 = 4;
 
@@ -34,18 +37,20 @@ pub struct Pyramids {
 /// One image at several sizes, finest first.
 pub struct Pyramid {
     levels: Vec<Level>,
-    frame: Buffer<[u32; 2]>,
-    packed: Vec<[u32; 2]>,
+    /// Three bytes a pixel, r, g, b.
+    rgb8: Buffer<[u8; 4]>,
+    depth_metres: Buffer<f32>,
 }
 
 /// One image at one size.
 pub struct Level {
     /// Size and intrinsics of this level; the pose is not used.
     pub camera: Camera,
-    /// Height x width of (intensity or -1, depth in metres or 0, dI/du, dI/dv).
-    pub rows: Buffer<Row>,
-    /// Height x width of (unit normal, 1), or 0 where there is none.
-    pub normals: Buffer<Row>,
+    /// Height x width of intensity or -1, and dI/du and dI/dv in 16 bits each.
+    pub colors: Buffer<[u32; 2]>,
+    /// Height x width of depth in metres or 0, and the normal in 16 bits for each axis of an
+    /// octahedron, or [`NO_NORMAL`](crate::shader::layout::NO_NORMAL).
+    pub surface: Buffer<[u32; 2]>,
     bases: Buffer<[f32; 2]>,
 }
 
@@ -55,12 +60,12 @@ pub fn shaders() -> [Shader; 4] {
     let shader = |label, text, bindings| Shader {
         label,
         entry: "main",
-        parts: vec![GRID, include_str!("intensity.wgsl"), text],
+        parts: vec![GRID, include_str!("intensity.wgsl"), PACKED, text],
         constants: Vec::new(),
         bindings,
     };
     [
-        shader("pyramid_unpack", include_str!("unpack.wgsl"), vec![Read, Write]),
+        shader("pyramid_unpack", include_str!("unpack.wgsl"), vec![Read, Read, Write]),
         shader("pyramid_rendered", include_str!("rendered.wgsl"), vec![Read, Read, Write]),
         shader("pyramid_halve", include_str!("halve.wgsl"), vec![Read, Write]),
         shader("pyramid_finish", include_str!("finish.wgsl"), vec![Read, Write, Write]),
@@ -92,16 +97,16 @@ impl Pyramids {
         let cameras = cameras(camera, levels)?;
         let level = |camera: Camera| {
             Ok(Level {
-                rows: Buffer::new(&self.gpu, "level rows", camera.pixels())?,
-                normals: Buffer::new(&self.gpu, "level normals", camera.pixels())?,
+                colors: Buffer::new(&self.gpu, "level colors", camera.pixels())?,
+                surface: Buffer::new(&self.gpu, "level surface", camera.pixels())?,
                 bases: Buffer::new(&self.gpu, "level bases", camera.pixels())?,
                 camera,
             })
         };
         Ok(Pyramid {
             levels: cameras.into_iter().map(level).collect::<Result<_, GpuError>>()?,
-            frame: Buffer::new(&self.gpu, "frame", camera.pixels())?,
-            packed: Vec::with_capacity(camera.pixels()),
+            rgb8: Buffer::new(&self.gpu, "frame color", (3 * camera.pixels()).div_ceil(4))?,
+            depth_metres: Buffer::new(&self.gpu, "frame depth", camera.pixels())?,
         })
     }
 
@@ -119,13 +124,17 @@ impl Pyramids {
         let pixels = pyramid.levels[0].camera.pixels();
         expect_len("rgb8", 3 * pixels, rgb8.len())?;
         expect_len("depth_metres", pixels, depth_metres.len())?;
-        let colors = rgb8.chunks_exact(3).map(|c| u32::from_le_bytes([c[0], c[1], c[2], 0]));
-        pyramid.packed.clear();
-        pyramid.packed.extend(colors.zip(depth_metres).map(|(rgb, z)| [rgb, z.to_bits()]));
-        pyramid.frame.write(&self.gpu, 0, &pyramid.packed);
+        let (words, rest) = rgb8.as_chunks::<4>();
+        pyramid.rgb8.write(&self.gpu, 0, words);
+        if !rest.is_empty() {
+            let mut word = [0; 4];
+            word[..rest.len()].copy_from_slice(rest);
+            pyramid.rgb8.write(&self.gpu, words.len(), &[word]);
+        }
+        pyramid.depth_metres.write(&self.gpu, 0, depth_metres);
         let mut recorder = Recorder::new(&self.gpu)?;
         let level = &pyramid.levels[0];
-        let buffers: [&wgpu::Buffer; 2] = [&pyramid.frame, &level.bases];
+        let buffers: [&wgpu::Buffer; 3] = [&pyramid.rgb8, &pyramid.depth_metres, &level.bases];
         recorder.dispatch_threads(&self.unpack, &arguments(level, 0), &buffers, pixels);
         self.finish(&mut recorder, pyramid);
         recorder.submit();
@@ -164,7 +173,7 @@ impl Pyramids {
             recorder.dispatch_threads(&self.halve, &arguments, &buffers, coarse.camera.pixels());
         }
         for level in &pyramid.levels {
-            let buffers: [&wgpu::Buffer; 3] = [&level.bases, &level.rows, &level.normals];
+            let buffers: [&wgpu::Buffer; 3] = [&level.bases, &level.colors, &level.surface];
             let pixels = level.camera.pixels();
             recorder.dispatch_threads(&self.finish, &arguments(level, 0), &buffers, pixels);
         }
@@ -179,8 +188,8 @@ impl Pyramid {
 
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
-        let level = |level: &Level| level.rows.size() + level.normals.size() + level.bases.size();
-        self.frame.size() + self.levels.iter().map(level).sum::<u64>()
+        let level = |level: &Level| level.colors.size() + level.surface.size() + level.bases.size();
+        self.rgb8.size() + self.depth_metres.size() + self.levels.iter().map(level).sum::<u64>()
     }
 }
 

@@ -111,8 +111,18 @@ pub fn system(
     estimate: &Estimate,
     settings: &AlignSettings,
 ) -> NormalSystem {
+    system_from(levels, estimate, settings, 0.0)
+}
+
+/// The same of one of several comparisons, whose pixels are `phase` of a stride further on.
+pub fn system_from(
+    levels: (&HostLevel, &HostLevel),
+    estimate: &Estimate,
+    settings: &AlignSettings,
+    phase: f64,
+) -> NormalSystem {
     let mut sum = NormalSystem::default();
-    for index in picked(levels.1.rows.len(), settings.stride) {
+    for index in picked(levels.1.rows.len(), settings.stride, phase) {
         let seen = pixel(levels, estimate, settings, index);
         sum.counts.live += u32::from(seen.live);
         sum.counts.inside += u32::from(seen.inside);
@@ -141,9 +151,12 @@ pub fn system(
 }
 
 /// The live pixels that a stride picks of `pixels`: one of each run of that length.
-pub fn picked(pixels: usize, stride: u32) -> impl Iterator<Item = usize> {
+/// `phase`: how much of the run the picked one is further on.
+pub fn picked(pixels: usize, stride: u32, phase: f64) -> impl Iterator<Item = usize> {
+    let phase = (phase * 65536.0) as u32;
     (0..pixels as u32 / stride).map(move |i| {
-        let shift = ((i.wrapping_mul(2_654_435_769) >> 16) * stride) >> 16;
+        let place = ((i.wrapping_mul(2_654_435_769) >> 16) + phase) % 65536;
+        let shift = (place * stride) >> 16;
         (i * stride + shift) as usize
     })
 }

@@ -25,7 +25,8 @@ pub struct TrackerConfig {
     pub steps: Vec<usize>,
     /// The same for an initial pose that may be far off.
     pub wide_steps: Vec<usize>,
-    /// About the number of pixels that are compared at the finest level; all pixels of the others are.
+    /// About the number of pixels that are compared at the finest level, with all references together; half
+    /// as many at each coarser level.
     pub pixels: usize,
     /// Weight of the photometric term, 1 / intensity².
     pub photometric_weight: f64,
@@ -183,7 +184,7 @@ impl Default for TrackerConfig {
             width: 640,
             steps: vec![3, 4, 6],
             wide_steps: vec![4, 6, 10, 10],
-            pixels: 64_000,
+            pixels: 96_000,
             photometric_weight: 400.0,
             geometric_weight: 1e4,
             depth_noise: 0.0007,

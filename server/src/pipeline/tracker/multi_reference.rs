@@ -13,8 +13,8 @@
 //! keyframe one percent too low (regression dilution), and the error adds up along a walk.
 
 use super::super::exposure;
-use lexsplat_gpu::align::EXPOSURE_LIMIT;
 use lexsplat_gpu::align::se3::adjoint;
+use lexsplat_gpu::align::{Comparison, EXPOSURE_LIMIT};
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, SMatrix};
 
@@ -48,15 +48,18 @@ pub(super) fn align(
     let linear: Vec<LinearMap> =
         references.iter().map(|reference| LinearMap::new(reference, world_from_base)).collect();
     let mut systems_at = |level: usize, estimate: &Estimate| {
-        let settings = schedule.settings.at_level(level);
-        let system = |(reference, linear): (&Reference<'_>, &LinearMap)| {
-            let levels = (&reference.pyramid.levels()[level], &live.levels()[level]);
-            aligner.system(levels.0, levels.1, &linear.estimate(estimate), &settings)
-        };
-        references.iter().zip(&linear).map(system).collect::<Result<Vec<_>, GpuError>>()
+        let pairs = references.iter().zip(&linear);
+        let comparisons: Vec<_> = pairs
+            .map(|(reference, linear)| Comparison {
+                reference: &reference.pyramid.levels()[level],
+                live: &live.levels()[level],
+                estimate: linear.estimate(estimate),
+            })
+            .collect();
+        aligner.systems(&comparisons, &schedule.settings.at_level(level))
     };
-    // Systems of the finest level and their estimates. The accepted estimate is among them.
-    let mut finest: Vec<(Estimate, Vec<NormalSystem>)> = Vec::new();
+    // Sums of the finest level and what they are of. The accepted one is among them.
+    let mut finest: Vec<(NormalSystem, Vec<NormalSystem>)> = Vec::new();
     let aligned = lexsplat_gpu::align::align(start, schedule, |level, estimate| {
         let systems = systems_at(level, estimate)?;
         let mut sum = NormalSystem::default();
@@ -65,11 +68,11 @@ pub(super) fn align(
             linear.add(&mut sum, system, reference.weight);
         }
         if level == 0 {
-            finest.push((*estimate, systems));
+            finest.push((sum.clone(), systems));
         }
         Ok::<_, GpuError>(sum)
     })?;
-    let last = finest.into_iter().rev().find(|(estimate, _)| *estimate == aligned.estimate);
+    let last = finest.into_iter().rev().find(|(sum, _)| *sum == aligned.system);
     let systems = match last {
         Some((_, systems)) => systems,
         None => systems_at(0, &aligned.estimate)?,

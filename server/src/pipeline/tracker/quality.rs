@@ -15,6 +15,8 @@ const BLACK: f64 = 6.0;
 /// Mean of a dark frame, 0 to 255.
 const DARK: f64 = 16.0;
 
+/// One in so many pixels tells the brightness of a frame and how much of it is measured.
+const LOOKED_AT: usize = 7;
 /// Colors that are neither black nor blown out.
 const USABLE_COLOR: std::ops::Range<u8> = 4..252;
 
@@ -98,20 +100,34 @@ fn share(part: u32, whole: u32) -> f64 {
     f64::from(part) / f64::from(whole.max(1))
 }
 
+/// Color and depth of the pixels that tell how good a frame is.
+fn sample(frame: &DownsampledFrame) -> impl Iterator<Item = (&[u8], f32)> {
+    let depths = &*frame.depth_metres;
+    let pixels = (0..depths.len()).step_by(LOOKED_AT);
+    pixels.map(|pixel| (&frame.rgb[3 * pixel..3 * pixel + 3], depths[pixel]))
+}
+
 /// Share of the pixels that have a depth and are neither black nor blown out, 0 to 1.
 pub(super) fn usable_share(frame: &DownsampledFrame) -> f64 {
-    let pixels = frame.rgb.chunks_exact(3).zip(&*frame.depth_metres);
-    let is_usable = |(rgb, depth): &(&[u8], &f32)| {
-        **depth > 0.0 && rgb.iter().any(|value| USABLE_COLOR.contains(value))
-    };
-    pixels.filter(is_usable).count() as f64 / frame.depth_metres.len().max(1) as f64
+    share_of(frame, |rgb, depth| {
+        depth > 0.0 && rgb.iter().any(|value| USABLE_COLOR.contains(value))
+    })
 }
 
 /// Whether a frame is black or hardly measured, so that it can be neither tracked nor mapped.
 pub(super) fn is_blank(frame: &DownsampledFrame) -> bool {
-    let measured = frame.depth_metres.iter().filter(|depth| **depth > 0.0).count();
-    let is_measured = measured as f64 >= MIN_MEASURED * frame.depth_metres.len() as f64;
+    let is_measured = share_of(frame, |_, depth| depth > 0.0) >= MIN_MEASURED;
     !is_measured || brightness(frame) < BLACK
+}
+
+/// Share of the pixels of which this is true, 0 to 1.
+fn share_of(frame: &DownsampledFrame, is_true: impl Fn(&[u8], f32) -> bool) -> f64 {
+    let (mut all, mut count) = (0, 0);
+    for (rgb, depth) in sample(frame) {
+        all += 1;
+        count += u32::from(is_true(rgb, depth));
+    }
+    share(count, all)
 }
 
 /// Whether a frame is so dark that its colors say little: of a camera that has just been switched on.
@@ -121,6 +137,10 @@ pub(super) fn is_dark(frame: &DownsampledFrame) -> bool {
 
 /// Mean of all channels, 0 to 255.
 fn brightness(frame: &DownsampledFrame) -> f64 {
-    let light: u64 = frame.rgb.iter().map(|value| u64::from(*value)).sum();
-    light as f64 / frame.rgb.len().max(1) as f64
+    let (mut values, mut light) = (0, 0);
+    for (rgb, _) in sample(frame) {
+        values += 3;
+        light += rgb.iter().map(|value| u64::from(*value)).sum::<u64>();
+    }
+    light as f64 / f64::from(values.max(1))
 }

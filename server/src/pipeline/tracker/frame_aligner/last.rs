@@ -25,7 +25,7 @@ impl FrameAligner {
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let Some(last) = self.last_found else { return Ok(None) };
         self.upload_keyframes(keyframes)?;
-        let mut schedule = Schedule { steps: vec![0], ..self.schedule(false, None) };
+        let mut schedule = Schedule { steps: vec![0], ..self.schedule(false, None, 1) };
         let stride = schedule.settings.stride * CHECKED_STRIDE;
         schedule.settings.stride = stride.min(MAX_STRIDE as u32);
         let pose = keyframe.frame.world_from_camera.inverse() * last.world_from_camera;
@@ -44,7 +44,7 @@ impl FrameAligner {
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let Some(last) = self.last_found else { return Ok(None) };
         self.upload_keyframes(&[keyframe])?;
-        let schedule = self.schedule(false, None);
+        let schedule = self.schedule(false, None, 1);
         let world_from_keyframe = keyframe.frame.world_from_camera;
         let mut found =
             self.align_last_from(keyframe, keyframe_from_camera, last.exposure, &schedule)?;

@@ -5,6 +5,7 @@
 
 mod images;
 mod last;
+mod prior;
 
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::Frame;
@@ -19,12 +20,12 @@ use super::uncertainty;
 use images::{fit, levels, within_levels};
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
-use lexsplat_gpu::align::se3::adjoint;
 use lexsplat_gpu::{
     AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, NormalSystem, Pyramid, Pyramids,
     Schedule,
 };
-use nalgebra::{Isometry3, Matrix6};
+use nalgebra::Isometry3;
+use prior::prior;
 
 /// Factor of thresholds and gates for a wide initial pose.
 const WIDE_FACTOR: f64 = 5.0;
@@ -32,6 +33,8 @@ const WIDE_FACTOR: f64 = 5.0;
 const MAX_NARROW_ALIGNMENTS: usize = 4;
 /// The narrow alignments end when the pose moves less than this, metres and radians.
 const SETTLED: f64 = 1e-3;
+/// A step that moves less is taken unseen at the finest level, metres and radians.
+const SMALLEST_STEP: f64 = 2e-4;
 /// The check with exchanged roles looks at one in this many of the pixels that are aligned.
 const CHECKED_STRIDE: u32 = 4;
 /// Largest stride between compared pixels that [`AlignSettings`] takes.
@@ -216,13 +219,14 @@ impl FrameAligner {
         }
         let prior = start.information.as_ref().map(|information| {
             // Neighbouring pixels are correlated, and only some of them are compared.
-            let pixels = self.config.correlated_pixels / f64::from(self.stride());
+            let stride = self.stride(references.len());
+            let pixels = self.config.correlated_pixels / f64::from(stride);
             let base_from_world = world_from_base.inverse();
             let mut prior = prior(&base_from_world, &start.world_from_camera, information);
             prior.information *= pixels;
             prior
         });
-        let schedule = self.schedule(is_wide, prior);
+        let schedule = self.schedule(is_wide, prior, references.len());
         let estimate = Estimate { exposure: start.exposure, ..Estimate::default() };
         let aligner = &mut self.aligner;
         align(aligner, &references, &self.live, world_from_base, &estimate, &schedule)
@@ -258,7 +262,7 @@ impl FrameAligner {
             exposure: last.exposure,
             weight: 1.0,
         };
-        let schedule = self.schedule(false, None);
+        let schedule = self.schedule(false, None, 1);
         let estimate = Estimate { exposure: last.exposure, ..Estimate::default() };
         let (aligner, live, base) = (&mut self.aligner, &self.live, &start.world_from_camera);
         align(aligner, &[reference], live, base, &estimate, &schedule).map(Some)
@@ -276,29 +280,37 @@ impl FrameAligner {
             exposure: [0.0; 2],
             weight: 1.0,
         };
-        let schedule = self.schedule(false, None);
+        let schedule = self.schedule(false, None, 1);
         let (aligner, live, start) = (&mut self.aligner, &self.live, Estimate::default());
         align(aligner, &[reference], live, &base, &start, &schedule)
     }
 
-    /// Every how many pixels of the finest level one is compared.
-    fn stride(&self) -> u32 {
-        let stride = self.live.levels()[0].camera.pixels() / self.config.pixels.max(1);
+    /// Every how many pixels of the finest level one is compared with a reference. Several references
+    /// share the pixels that are compared.
+    fn stride(&self, references: usize) -> u32 {
+        let pixels = references * self.live.levels()[0].camera.pixels();
+        let stride = pixels / self.config.pixels.max(1);
         stride.clamp(1, MAX_STRIDE) as u32
     }
 
-    fn schedule(&self, is_wide: bool, prior: Option<Prior>) -> Schedule {
+    fn schedule(&self, is_wide: bool, prior: Option<Prior>, references: usize) -> Schedule {
         let config = &self.config;
         let steps = if is_wide { config.wide_steps.clone() } else { config.steps.clone() };
         let narrow = AlignSettings {
             photometric_weight: config.photometric_weight,
             geometric_weight: config.geometric_weight,
             depth_noise: config.depth_noise,
-            stride: self.stride(),
+            stride: self.stride(references),
             ..AlignSettings::default()
         };
         let settings = if is_wide { widened(&narrow) } else { narrow };
-        Schedule { steps, settings, with_exposure: config.exposure, prior, ..Schedule::default() }
+        Schedule {
+            steps,
+            settings,
+            with_exposure: config.exposure,
+            prior,
+            smallest_step: SMALLEST_STEP,
+        }
     }
 }
 
@@ -359,40 +371,4 @@ fn align(
         beside: None,
         jumped: false,
     })
-}
-
-/// Transforms a prior on `world_from_camera` into the base's frame. A left perturbation tau of the pose is
-/// Ad tau there, where Ad is the adjoint of `base_from_world`.
-fn prior(
-    base_from_world: &Isometry3<f64>,
-    world_from_camera: &Isometry3<f64>,
-    information: &Matrix6<f64>,
-) -> Prior {
-    let inverse = adjoint(&base_from_world.inverse());
-    Prior {
-        information: inverse.transpose() * information * inverse,
-        reference_from_live: base_from_world * world_from_camera,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use lexsplat_gpu::align::se3;
-    use nalgebra::Vector6;
-
-    #[test]
-    fn a_prior_costs_the_same_seen_from_anywhere() {
-        let information = Matrix6::from_diagonal(&Vector6::new(1.0, 4.0, 9.0, 100.0, 400.0, 900.0));
-        let expected = se3::exp(&Vector6::new(0.4, -0.2, 0.3, 0.5, -0.8, 0.2));
-        let tau = Vector6::new(0.01, 0.02, -0.01, 0.005, -0.01, 0.02);
-        let there = se3::exp(&tau) * expected;
-        let cost = 0.5 * tau.dot(&(information * tau));
-        let base = se3::exp(&Vector6::new(-0.3, 0.1, 0.9, 0.1, 0.7, -0.2));
-        let seen = prior(&base, &expected, &information);
-        let found = seen.cost(&(base * there));
-        assert!((found - cost).abs() < 1e-6 * cost, "{found} {cost}");
-        assert!(seen.cost(&(base * expected)).abs() < 1e-12);
-        assert!((seen.cost(&there) - cost).abs() > 0.1 * cost, "the base matters");
-    }
 }
