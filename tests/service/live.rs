@@ -240,7 +240,7 @@ async fn a_bridge_that_cannot_work_says_why() {
     let found = told.lock().expect("nothing panics").join("\n");
     assert!(found.contains("cannot connect to ws://127.0.0.1:"), "{found}");
     assert!(found.contains("trying again in 1.0 s"), "the waits grow: {found}");
-    for wrong in ["ftp://robot:8765", "ws://", "ws://a b"] {
+    for wrong in ["ftp://robot:8765", "ws://", "ws://a b", "ws://robot:99999", "robot:port"] {
         let error = bridge(&BridgeOptions::new(wrong, &address, "m"), wait(), tell)
             .await
             .expect_err("wrong");

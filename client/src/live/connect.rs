@@ -30,6 +30,12 @@ pub(super) fn request(robot: &str) -> Result<Request, BridgeError> {
     if request.uri().host().unwrap_or_default().is_empty() {
         return Err(wrong("there is no host".into()));
     }
+    // Without this check, a port that is no port counts as none, and 80 is meant.
+    let authority = request.uri().authority().map_or("", |authority| authority.as_str());
+    let port = authority.rsplit_once(':').map(|(_, port)| port).filter(|port| !port.ends_with(']'));
+    if port.is_some_and(|port| port.parse::<u16>().is_err()) {
+        return Err(wrong("a port is a number up to 65535".into()));
+    }
     let protocols = HeaderValue::from_static(protocol::PROTOCOLS);
     request.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, protocols);
     Ok(request)
