@@ -9,7 +9,7 @@ use lexsplat_gpu::{AlignSettings, Estimate, Schedule};
 use nalgebra::Isometry3;
 
 #[test]
-#[ignore = "a measurement, not a test"]
+#[ignore = "a measurement, not a test: make bench"]
 fn time_of_pyramid_and_alignment() {
     let mut bench = Bench::new();
     let camera = camera(600, 340);

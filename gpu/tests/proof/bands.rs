@@ -119,7 +119,7 @@ fn a_gaussian_covers_a_picture_of_4k() {
 
 /// `cargo test -p lexsplat-gpu bands -- --ignored --nocapture`
 #[test]
-#[ignore = "minutes, and gigabytes"]
+#[ignore = "minutes and gigabytes: make bench"]
 fn two_million_gaussians_are_drawn_at_4k_and_trained() {
     let gpu = support::gpu();
     let map = map(&gpu, &support::scene(91, 2_000_000, 15, 0.002));

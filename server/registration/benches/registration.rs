@@ -1,9 +1,9 @@
 //! Duration of the registration of a frame: `cargo bench -p lexsplat-registration`, or `... -- COLUMNS` for
 //! another size than 600x340.
 //!
-//! Color comes through a Brown–Conrady lens, depth from a fisheye of 512x424 pixels 5 cm beside it. The scene is
-//! a wavy wall with steps and holes. Each line is the median of [`RUNS`] frames; the first frame, for which
-//! the lens is computed, is told apart.
+//! Color comes through a Brown–Conrady lens, depth from a fisheye of 512x424 pixels 5 cm beside it. The
+//! scene is a wavy wall with steps and holes. Each line is the median of [`RUNS`] frames; the first frame,
+//! for which the lens is computed, is told apart.
 
 use lexsplat_registration::{
     Camera, Cameras, DepthCamera, Distortion, Intrinsics, Pictures, Registration,

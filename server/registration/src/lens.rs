@@ -79,6 +79,19 @@ impl Lens {
         None
     }
 
+    /// Whether no two rays near this one go through one pixel, and right stays right.
+    pub fn is_one_to_one(&self, [x, y]: [f64; 2]) -> bool {
+        const APART: f64 = 1e-4;
+        let moved = |x, y| self.distortion.of([x, y]);
+        let (left, right) = (moved(x - APART, y), moved(x + APART, y));
+        let (above, below) = (moved(x, y - APART), moved(x, y + APART));
+        let (across, down) = (
+            [0, 1].map(|axis| right[axis] - left[axis]),
+            [0, 1].map(|axis| below[axis] - above[axis]),
+        );
+        across[0] * down[1] - across[1] * down[0] > 0.0
+    }
+
     fn newton_step(&self, point: [f64; 2], found: [f64; 2], off: [f64; 2]) -> Option<[f64; 2]> {
         const DIFFERENCE: f64 = 1e-6;
         let along = |axis: usize| {
@@ -95,21 +108,6 @@ impl Lens {
                 (x[0] * off[1] - x[1] * off[0]) / determinant,
             ]
         })
-    }
-}
-
-impl Lens {
-    /// Whether no two rays near this one go through one pixel, and right stays right.
-    pub fn is_one_to_one(&self, [x, y]: [f64; 2]) -> bool {
-        const APART: f64 = 1e-4;
-        let moved = |x, y| self.distortion.of([x, y]);
-        let (left, right) = (moved(x - APART, y), moved(x + APART, y));
-        let (above, below) = (moved(x, y - APART), moved(x, y + APART));
-        let (across, down) = (
-            [0, 1].map(|axis| right[axis] - left[axis]),
-            [0, 1].map(|axis| below[axis] - above[axis]),
-        );
-        across[0] * down[1] - across[1] * down[0] > 0.0
     }
 }
 

@@ -33,7 +33,8 @@ pub struct Pictures {
     pub intrinsics: Intrinsics,
     /// `[height * width * 3]`, row-major RGB, 8 bit.
     pub rgb: Arc<[u8]>,
-    /// `[height * width]` of the depth camera ([`Cameras::depth_size`]), camera z in metres; 0 is no measurement.
+    /// `[height * width]` of the depth camera ([`Cameras::depth_size`]), camera z in metres; 0 is no
+    /// measurement.
     pub depth_metres: Arc<[f32]>,
     /// `[height * width]`, a label for each pixel of color.
     pub labels: Option<Arc<[u16]>>,

@@ -14,8 +14,8 @@ const MOST_STRETCHED: f64 = 4.0;
 const HALVINGS: usize = 40;
 /// Points of each edge of the picture that are tried.
 const EDGE_POINTS: u32 = 64;
-/// Slope of the interpolation's kernel at a distance of one pixel, as OpenCV has it: -0.5 takes away an eighth of
-/// the squared gradients, this one a fourteenth, bilinear interpolation a third.
+/// Slope of the interpolation's kernel at a distance of one pixel, as OpenCV has it. Of the squared
+/// gradients it takes away a fourteenth, -0.5 an eighth, and bilinear interpolation a third.
 const STEEPNESS: f32 = -0.75;
 /// Columns and rows by which cubic interpolation reaches beyond a picture.
 const PADDING: usize = 3;
@@ -111,8 +111,8 @@ fn widest(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
     low
 }
 
-/// Weights of the pixels before, at, after and beyond a place (Keys 1981, equation 4); `along`: from the second
-/// to the third, 0 to 1.
+/// Weights of the pixels before, at, after and beyond a place (Keys 1981, equation 4); `along`: from the
+/// second to the third, 0 to 1.
 #[inline]
 fn cubic(along: f32) -> [f32; 4] {
     let inner = |d: f32| ((STEEPNESS + 2.0) * d - (STEEPNESS + 3.0)) * d * d + 1.0;

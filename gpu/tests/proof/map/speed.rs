@@ -33,7 +33,7 @@ fn measure(gpu: &Gpu, host: &HostGaussians, name: &str, run: &mut dyn FnMut(&mut
 }
 
 #[test]
-#[ignore = "a measurement, not a test"]
+#[ignore = "a measurement, not a test: make bench"]
 fn time_to_rearrange() {
     let gpu = support::gpu();
     println!("adapter {}", gpu.adapter_name());

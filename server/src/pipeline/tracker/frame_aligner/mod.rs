@@ -33,8 +33,8 @@ const WIDE_FACTOR: f64 = 5.0;
 const MAX_NARROW_ALIGNMENTS: usize = 4;
 /// The narrow alignments end when the pose moves less than this, metres and radians.
 const SETTLED: f64 = 1e-3;
-/// A step from a narrow start that moves less is taken unseen at the finest level, metres and radians. From a wide
-/// start each step is looked at: without that, single pictures far apart are found less often.
+/// A step from a narrow start that moves less is taken unseen at the finest level, metres and radians. From
+/// a wide start each step is looked at: without that, single pictures far apart are found less often.
 const SMALLEST_STEP: f64 = 2e-4;
 /// The check with exchanged roles looks at one in this many of the pixels that are aligned.
 const CHECKED_STRIDE: u32 = 4;
