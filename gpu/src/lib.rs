@@ -24,4 +24,4 @@ pub use track::{align, pyramid};
 pub use train::adam::{HeadRates, LearningRates};
 pub use train::loss::{LossWeights, Losses};
 pub use train::ties::Ties;
-pub use train::{ColorTarget, LanguageTarget, StepReport, Trainer, TrainingView};
+pub use train::{ColorTarget, Focus, LanguageTarget, StepReport, Trainer, TrainingView};

@@ -75,6 +75,7 @@ impl Bench {
             color: color.then_some(&self.color),
             language: language.then_some((&self.labels, &self.language)),
             exposure: [0.0; 2],
+            focus: None,
         };
         let mut host = Duration::MAX;
         for step in 0..STEPS {

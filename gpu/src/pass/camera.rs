@@ -79,8 +79,7 @@ impl Camera {
 
     /// Columns and rows of tiles.
     pub fn tiles(&self, tiling: Tiling) -> [u32; 2] {
-        let [width, height] = tiling.size();
-        [self.width.div_ceil(width), self.height.div_ceil(height)]
+        tiling.tiles([self.width, self.height])
     }
 
     /// Largest |x/z| and |y/z| at which the Jacobian is taken.

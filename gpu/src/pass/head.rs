@@ -136,7 +136,7 @@ impl HeadPass {
             self.release();
             self.forward = Some(ForwardBuffers {
                 bands,
-                projected: Projected::new(gpu, map)?,
+                projected: Projected::new(gpu, map, tiles[1])?,
                 hits: Hits::new(gpu, sort, capacity, map, tiles)?,
                 image: Buffer::new(gpu, "image", pixels * self.rows)?,
                 pixels: Buffer::new(gpu, "pixel states", pixels)?,
@@ -321,8 +321,7 @@ impl HeadPass {
     /// Bytes of scratch on the device.
     pub fn device_bytes(&self) -> u64 {
         let forward = self.forward.as_ref().map_or(0, |buffers| {
-            buffers.projected.splats.size()
-                + buffers.projected.coverage.size()
+            buffers.projected.device_bytes()
                 + buffers.image.size()
                 + buffers.pixels.size()
                 + buffers.hits.device_bytes()
@@ -360,7 +359,7 @@ impl HeadPass {
     /// What blending reads of a band of the view.
     fn lists<'a>(&'a self, band: &'a PassArguments) -> TileLists<'a> {
         let ForwardBuffers { projected, hits, .. } = self.forward();
-        TileLists { arguments: band, splats: &projected.splats, hits }
+        TileLists { arguments: band, projected, hits }
     }
 
     fn forward(&self) -> &ForwardBuffers {

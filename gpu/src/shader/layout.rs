@@ -267,8 +267,21 @@ structs! {
         second: f32 => "f32",
         /// Exposure (a, b): the picture is compared as exp(a) picture + b.
         exposure: [f32; 2] => "vec2<f32>",
-        /// Fills the struct to 32 bytes.
-        unused: [f32; 2] => "vec2<f32>",
+        /// Width and height of the picture, in pixels. Color only, as the next.
+        size: [u32; 2] => "vec2<u32>",
+        /// Columns and rows of tiles.
+        tiles: [u32; 2] => "vec2<u32>",
+    }
+    /// For the choice of the tiles of a step.
+    FocusArguments {
+        /// Number of tiles.
+        tiles: u32 => "u32",
+        /// Probability of a tile with the mean error of its view.
+        mean_share: f32 => "f32",
+        /// Probability of a tile without error.
+        least_share: f32 => "f32",
+        /// Number of the step, for random numbers that differ from step to step.
+        turn: u32 => "u32",
     }
     /// For the ties between the heads: 1 where a component is tied, 0 elsewhere.
     TieArguments {

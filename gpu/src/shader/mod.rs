@@ -11,6 +11,6 @@ pub use compose::{Access, Constant, Shader};
 pub use kernel::Kernel;
 pub use recorder::Recorder;
 pub use shared::{
-    CONIC, EXTENT, GEOMETRY, GRID, HITS, LANES_SUBGROUP, LANES_WORKGROUP, SCALES, TILE,
+    CONIC, COVERED, EXTENT, GEOMETRY, GRID, HITS, LANES_SUBGROUP, LANES_WORKGROUP, SCALES, TILE,
 };
 pub use tiling::Tiling;

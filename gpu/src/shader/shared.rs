@@ -14,6 +14,8 @@ pub const LANES_WORKGROUP: &str = include_str!("shared/lanes_workgroup.wgsl");
 pub const CONIC: &str = include_str!("shared/conic.wgsl");
 /// Shared WGSL: the tiles that a splat overlaps; needs [`CONIC`].
 pub const EXTENT: &str = include_str!("shared/extent.wgsl");
+/// Shared WGSL: the tiles that a splat is drawn on; needs [`EXTENT`].
+pub const COVERED: &str = include_str!("shared/covered.wgsl");
 /// Shared WGSL: log scales to scales.
 pub const SCALES: &str = include_str!("shared/scales.wgsl");
 /// Shared WGSL: quaternion to matrix, and covariance in the image.

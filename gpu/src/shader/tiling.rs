@@ -56,6 +56,12 @@ impl Tiling {
         [4 * self.strips * self.columns, self.lanes / self.columns]
     }
 
+    /// Columns and rows of tiles of a picture of `width` by `height` pixels.
+    pub const fn tiles(&self, [width, height]: [u32; 2]) -> [u32; 2] {
+        let [columns, rows] = self.size();
+        [width.div_ceil(columns), height.div_ceil(rows)]
+    }
+
     /// WGSL functions to exchange values between lanes.
     pub fn part(&self) -> &'static str {
         if self.subgroups { LANES_SUBGROUP } else { LANES_WORKGROUP }

@@ -4,11 +4,12 @@
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::map::{Gaussians, HeadKind, MapSlice};
 use crate::pass::project::MOVE_ROWS;
-use crate::pass::{HeadPass, Renderer};
+use crate::pass::{Camera, HeadPass, Renderer};
 use crate::primitives::reduce::{Reduce, ReduceScratch, Summands};
 use crate::shader::Recorder;
 use crate::shader::layout::Row;
 use crate::train::adam::{Adam, LearningRates, ParameterGradients, RowRates, SeenGaussians};
+use crate::train::focus::FocusKernels;
 use crate::train::loss::{Loss, LossBuffers, ScaleLoss};
 use crate::train::step::{
     COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
@@ -21,6 +22,7 @@ pub(super) struct StepKernels {
     reduce: Reduce,
     adam: Adam,
     tie: TieKernels,
+    focus: FocusKernels,
     /// Which parameters the heads share.
     pub(super) ties: Ties,
     /// The results of the current step; see [`StepReport`](crate::train::StepReport).
@@ -53,6 +55,7 @@ impl StepKernels {
             reduce: Reduce::new(gpu)?,
             adam: Adam::new(gpu)?,
             tie: TieKernels::new(gpu)?,
+            focus: FocusKernels::new(gpu)?,
             ties: Ties::default(),
             results: Buffer::new(gpu, "results", RESULT_ROWS)?,
             color: None,
@@ -68,11 +71,12 @@ impl StepKernels {
         job: &StepJob,
     ) -> Result<(), GpuError> {
         let (map, cameras) = (gaussians.capacity(), job.cameras());
-        for (camera, slot) in
-            [(cameras.color, &mut self.color), (cameras.language, &mut self.language)]
-        {
-            let Some(camera) = camera else { continue };
-            let terms = camera.pixels().max(map);
+        let color =
+            cameras.color.map(|camera| self.loss.color_terms([camera.width, camera.height]));
+        let language = cameras.language.map(Camera::pixels);
+        for (terms, slot) in [(color, &mut self.color), (language, &mut self.language)] {
+            let Some(terms) = terms else { continue };
+            let terms = terms.max(map);
             let fits = |scratch: &HeadScratch| {
                 scratch.terms.len() >= terms && scratch.corrections.len() == map
             };
@@ -86,6 +90,14 @@ impl StepKernels {
             }
         }
         Ok(())
+    }
+
+    /// Records which tiles the forward pass leaves out.
+    pub(super) fn choose(&self, recorder: &mut Recorder<'_>, renderer: &Renderer, job: &StepJob) {
+        if let (Some(target), Some(focus)) = (&job.color, job.focus) {
+            let left_out = &renderer.head(HeadKind::Color).projected().left_out;
+            self.focus.choose(recorder, target, focus, left_out);
+        }
     }
 
     /// Records everything that follows the forward pass: losses, backward passes and, if the job
@@ -109,12 +121,17 @@ impl StepKernels {
             gradients: &backward.image_gradients,
             terms: &scratch.terms,
         };
-        self.loss.color(recorder, target, step.job.exposure, &step.job.weights, buffers);
-        let len = step.job.camera.pixels();
+        let left_out = &pass.projected().left_out;
+        let (exposure, weights) = (step.job.exposure, &step.job.weights);
+        self.loss.color(recorder, target, exposure, weights, left_out, buffers);
+        let len = self.loss.color_terms(target.size());
         let terms = Summands { rows: &scratch.terms, len, stride: 1, row: 0, limit: None };
         self.reduce.sum(recorder, terms, &self.results, COLOR_ROW, &scratch.sums);
         let binning = step.renderer.binning();
         pass.backward(recorder, binning, step.map.arrays);
+        if step.job.focus.is_some() {
+            self.focus.measure(recorder, target, &scratch.terms, left_out);
+        }
         for (row, slot) in [(1, POSE_ROW), (2, POSE_ROW + 1)] {
             let moves = Summands {
                 rows: &backward.gradients.moves,

@@ -1,6 +1,7 @@
 //! Training: losses, the optimiser and the steps that they make.
 
 pub mod adam;
+pub mod focus;
 mod kernels;
 pub mod loss;
 mod step;
@@ -8,6 +9,7 @@ mod target;
 pub mod ties;
 mod trainer;
 
+pub use focus::Focus;
 pub use step::{StepReport, TrainingView};
 pub use target::{ColorTarget, LanguageTarget};
 pub use trainer::Trainer;

@@ -4,6 +4,7 @@ use crate::device::{GpuError, expect_len};
 use crate::pass::{Camera, HeadCameras};
 use crate::shader::layout::{HitCount, Row};
 use crate::train::adam::LearningRates;
+use crate::train::focus::Focus;
 use crate::train::loss::{LossWeights, Losses};
 use crate::train::target::{ColorTarget, LanguageTarget};
 
@@ -34,6 +35,8 @@ pub struct TrainingView<'a> {
     pub language: Option<(&'a Camera, &'a LanguageTarget)>,
     /// Exposure (a, b): the target shows exp(a) color + b.
     pub exposure: [f32; 2],
+    /// Which tiles of the color target the step looks at; `None`: all.
+    pub focus: Option<Focus>,
 }
 
 /// Measurements of a step, taken before the optimiser moved anything.
@@ -55,6 +58,7 @@ pub(super) struct StepJob {
     pub(super) color: Option<ColorTarget>,
     pub(super) language: Option<(Camera, LanguageTarget)>,
     pub(super) exposure: [f32; 2],
+    pub(super) focus: Option<Focus>,
     pub(super) weights: LossWeights,
     /// `None` leaves the map as it is: only the report is wanted.
     pub(super) rates: Option<LearningRates>,
@@ -89,6 +93,7 @@ impl StepJob {
             color: view.color.cloned(),
             language: view.language.map(|(camera, target)| (camera.clone(), target.clone())),
             exposure: view.exposure,
+            focus: view.focus,
             weights,
             rates,
         }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use crate::device::{Buffer, Gpu, GpuError, expect_len};
 use crate::map::rows::{pad_rows, unpad_rows};
-use crate::shader::layout::Row;
+use crate::shader::Tiling;
+use crate::shader::layout::{HUGE, Row};
 
 /// Color and depth of one view.
 #[derive(Clone)]
@@ -21,6 +22,8 @@ pub(crate) struct ColorInner {
     pub(crate) texels: Buffer<[u32; 2]>,
     pub(crate) color_pixels: usize,
     pub(crate) depth_pixels: usize,
+    /// Error of each tile when a step last drew it; HUGE before.
+    pub(crate) errors: Buffer<f32>,
 }
 
 /// Language codes of one view, at label resolution.
@@ -78,12 +81,15 @@ impl ColorTarget {
                 [u32::from_le_bytes(color), depth.to_bits()]
             })
             .collect();
+        let [columns, rows] = Tiling::of(gpu.tier()).tiles([width, height]);
+        let tiles = columns as usize * rows as usize;
         let inner = ColorInner {
             width,
             height,
             color_pixels: texels.iter().filter(|[color, _]| *color != 0).count(),
             depth_pixels: depth_metres.iter().filter(|depth| is_measured(**depth)).count(),
             texels: Buffer::from_slice(gpu, "color target", &texels)?,
+            errors: Buffer::from_slice(gpu, "tile errors", &vec![HUGE; tiles])?,
         };
         Ok(Self { inner: Arc::new(inner) })
     }
@@ -95,7 +101,24 @@ impl ColorTarget {
 
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
-        self.inner.texels.size()
+        self.inner.texels.size() + self.inner.errors.size()
+    }
+
+    /// What steps with a [`Focus`](crate::Focus) know of this view: the error of each tile, for
+    /// [`ColorTarget::set_tile_errors`] of the same picture on the same adapter.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn tile_errors(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
+        self.inner.errors.read(gpu, self.inner.errors.len())
+    }
+
+    /// Makes steps go on with the errors that [`ColorTarget::tile_errors`] read. Those of an adapter with
+    /// other tiles are ignored: the next step measures all tiles.
+    pub fn set_tile_errors(&self, gpu: &Gpu, errors: &[f32]) {
+        if errors.len() == self.inner.errors.len() {
+            self.inner.errors.write(gpu, 0, errors);
+        }
     }
 
     pub(crate) fn inner(&self) -> &ColorInner {

@@ -131,7 +131,8 @@ impl Trainer {
         exposure: [f32; 2],
         weights: &LossWeights,
     ) -> Result<StepReport, GpuError> {
-        let view = TrainingView { camera, color: Some(target), language: None, exposure };
+        let view =
+            TrainingView { camera, color: Some(target), language: None, exposure, focus: None };
         self.check(gaussians, &view)?;
         self.collect_all(gaussians)?;
         if gaussians.is_empty() {
@@ -209,6 +210,7 @@ impl Trainer {
         let mut recorder = Recorder::new(&gpu)?;
         let results = &self.kernels.results;
         recorder.clear(results);
+        self.kernels.choose(&mut recorder, &self.renderer, &job);
         self.renderer.record_forward(&mut recorder, map, job.cameras());
         let step = StepContext { renderer: &self.renderer, map, job: &job };
         self.kernels.record(&mut recorder, step);

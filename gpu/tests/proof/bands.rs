@@ -139,8 +139,13 @@ fn two_million_gaussians_are_drawn_at_4k_and_trained() {
         .expect("fits");
     let language = LanguageTarget::new(&gpu, 600, 340, 15, &vec![0.5; 15 * 204_000]).expect("fits");
     for language in [None, Some((&labels, &language))] {
-        let view =
-            TrainingView { camera: &camera, color: Some(&color), language, exposure: [0.0; 2] };
+        let view = TrainingView {
+            camera: &camera,
+            color: Some(&color),
+            language,
+            exposure: [0.0; 2],
+            focus: None,
+        };
         let start = Instant::now();
         let taken = trainer.step(&mut map, &view, &DATA, &LearningRates::default());
         let taken = taken.and_then(|()| trainer.last_report(&mut map));

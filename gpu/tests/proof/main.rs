@@ -8,6 +8,7 @@ mod backward;
 mod bands;
 mod differences;
 mod example;
+mod focus;
 mod forward;
 mod fuzz;
 mod golden;

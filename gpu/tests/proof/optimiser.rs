@@ -26,15 +26,16 @@ fn color_loss_matches_the_oracle() {
     let buffers = (
         Buffer::from_slice(&gpu, "image", &image).expect("fits"),
         Buffer::<[f32; 4]>::new(&gpu, "gradients", pixels).expect("fits"),
-        Buffer::<[f32; 4]>::new(&gpu, "terms", pixels).expect("fits"),
+        Buffer::<[f32; 4]>::new(&gpu, "terms", loss.color_terms([11, 7])).expect("fits"),
     );
+    let left_out = Buffer::<u32>::new(&gpu, "left out", 2).expect("fits");
     let weights = LossWeights { color: 0.9, depth: 0.3, ..LossWeights::default() };
     let mut recorder = Recorder::new(&gpu).expect("fits");
     let exposure = [0.1f32, -0.02];
     let outputs = LossBuffers { image: &buffers.0, gradients: &buffers.1, terms: &buffers.2 };
-    loss.color(&mut recorder, &target, exposure, &weights, outputs);
+    loss.color(&mut recorder, &target, exposure, &weights, &left_out, outputs);
     recorder.submit();
-    let (found, terms) = (buffers.1.read(&gpu, pixels), buffers.2.read(&gpu, pixels));
+    let (found, terms) = (buffers.1.read(&gpu, pixels), buffers.2.read(&gpu, buffers.2.len()));
     let (found, terms) = (found.expect("reads"), terms.expect("reads"));
 
     let values = |channels: std::ops::Range<usize>| -> Vec<f64> {

@@ -73,6 +73,7 @@ fn step(gpu: &Gpu, trainer: &mut Trainer, map: &mut Gaussians, camera: &Camera) 
         color: Some(&color),
         language: Some((camera, &language)),
         exposure: [0.0; 2],
+        focus: None,
     };
     trainer.step(map, &view, &LossWeights::default(), &LearningRates::default()).expect("steps");
     trainer.settle(map).expect("settles");

@@ -22,7 +22,8 @@ fn catalogue(channels: usize, tiling: Tiling, shape: SortShape) -> Vec<Shader> {
         shaders.extend(pass::project::shaders(tiling, rows, color));
         shaders.extend(pass::blend::shaders(tiling, rows, color));
     }
-    shaders.extend(train::loss::shaders());
+    shaders.extend(train::loss::shaders(tiling));
+    shaders.extend(train::focus::shaders(tiling));
     shaders.extend(train::adam::shaders());
     shaders.extend(train::ties::shaders());
     shaders.extend(track::pyramid::shaders());

@@ -59,6 +59,7 @@ fn results(gpu: &Gpu, scene: &HostGaussians) -> Vec<f32> {
         color: None,
         language: Some((&camera, &target)),
         exposure: [0.0; 2],
+        focus: None,
     };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
     trainer.step(&mut map, &view, &weights, &rates).expect("steps");

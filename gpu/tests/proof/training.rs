@@ -49,6 +49,7 @@ impl Targets {
             color: color.then_some(&self.color),
             language: language.then_some((&self.labels, &self.language)),
             exposure: [0.0; 2],
+            focus: None,
         }
     }
 }

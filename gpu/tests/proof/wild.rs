@@ -201,6 +201,7 @@ fn step(gpu: &Gpu, trainer: &mut Trainer, map: &mut Gaussians, camera: &Camera) 
         color: Some(&color),
         language: Some((camera, &language)),
         exposure: [0.1, -0.05],
+        focus: None,
     };
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
     trainer.step(map, &view, &weights, &rates).expect("the camera can be used");

@@ -1,15 +1,16 @@
 // Front to back over a tile's list: w = alpha T, image += w feature, T *= 1 - alpha (Kerbl et al.
 // 2023, appendix C).
 // A Gaussian is skipped where alpha < MIN_ALPHA; a pixel is full before T would fall below
-// MIN_TRANSMITTANCE. With DEPTH the fourth channel is z. One dispatch blends CHUNK of ROWS rows.
+// MIN_TRANSMITTANCE. The pixels of a tile that is left out have no hits, and keep their image. With DEPTH the fourth channel is z. One dispatch blends CHUNK of ROWS rows.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> gaussian_from_sorted: array<u32>;
 @group(0) @binding(3) var<storage, read> splats: array<Splat>;
 @group(0) @binding(4) var<storage, read> features: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read_write> image: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> pixels: array<PixelState>;
+@group(0) @binding(5) var<storage, read> left_out: array<u32>;
+@group(0) @binding(6) var<storage, read_write> image: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> pixels: array<PixelState>;
 
 var<private> open: array<vec4<bool>, STRIPS>;
 var<private> transmittance: array<vec4<f32>, STRIPS>;
@@ -49,7 +50,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let tile = pass_.band.x * pass_.tiles.x + linear_group(group, groups);
     if tile >= pass_.band.y * pass_.tiles.x { return; }
     let corner = vec2<u32>(tile % pass_.tiles.x, tile / pass_.tiles.x);
-    let range = ranges[tile];
+    var range = ranges[tile];
+    let is_left_out = left_out[tile] != 0u;
+    if is_left_out { range.y = range.x; }
     //repeat s STRIPS
     {
         open[$s] = inside(strip_origin(corner, lane, $s), pass_.size);
@@ -80,7 +83,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             {
                 let at = ($s * CHUNK + $row) * 4u;
                 let row = pass_.chunk * CHUNK + $row;
-                if row < ROWS {
+                if row < ROWS && !is_left_out {
                     image[pixel * ROWS + row] = vec4<f32>(
                         sums[at][x], sums[at + 1u][x], sums[at + 2u][x], sums[at + 3u][x]);
                 }

@@ -8,9 +8,10 @@
 //! leaves one record per hit in the hit's own slot: no atomics, the same bits each time.
 
 use crate::device::{Buffer, Gpu, GpuError};
+use crate::pass::projected::Projected;
 use crate::pass::tiles::Hits;
 use crate::shader;
-use crate::shader::layout::{PassArguments, PixelState, Row, Splat};
+use crate::shader::layout::{PassArguments, PixelState, Row};
 use crate::shader::{Access, Constant, GRID, Kernel, Recorder, Shader, Tiling};
 
 /// Rows of a feature that a lane can keep for all its pixels.
@@ -30,7 +31,7 @@ pub struct TileLists<'a> {
     /// Camera and band.
     pub arguments: &'a PassArguments,
     /// Projected Gaussians.
-    pub splats: &'a Buffer<Splat>,
+    pub projected: &'a Projected,
     /// The lists of the band.
     pub hits: &'a Hits,
 }
@@ -45,7 +46,7 @@ impl TileLists<'_> {
     /// Ranges, slots, Gaussians and splats.
     fn buffers(&self) -> [&wgpu::Buffer; 4] {
         let hits = self.hits;
-        [&hits.ranges, hits.slot_from_sorted(), &hits.gaussian_from_sorted, self.splats]
+        [&hits.ranges, hits.slot_from_sorted(), &hits.gaussian_from_sorted, &self.projected.splats]
     }
 }
 
@@ -83,7 +84,7 @@ pub fn shaders(tiling: Tiling, rows: usize, depth: bool) -> [Shader; 3] {
             if depth { "blend_color" } else { "blend_language" },
             include_str!("forward.wgsl"),
             (chunk, 0),
-            vec![Read, Read, Read, Read, Write, Write],
+            vec![Read, Read, Read, Read, Read, Write, Write],
         ),
         shader(
             if depth { "contribute_color" } else { "contribute_language" },
@@ -125,7 +126,9 @@ impl Blend {
         pixels: &Buffer<PixelState>,
     ) {
         let [ranges, _, gaussians, splats] = lists.buffers();
-        let buffers: [&wgpu::Buffer; 6] = [ranges, gaussians, splats, features, image, pixels];
+        let left_out = &lists.projected.left_out;
+        let buffers: [&wgpu::Buffer; 7] =
+            [ranges, gaussians, splats, features, left_out, image, pixels];
         for chunk in 0..self.chunks {
             let arguments = PassArguments { chunk, ..*lists.arguments };
             recorder.dispatch(&self.forward, &arguments, &buffers, lists.tiles());

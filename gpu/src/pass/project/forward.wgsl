@@ -6,8 +6,9 @@
 @group(0) @binding(1) var<storage, read> means: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> geometry: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> features: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(5) var<storage, read_write> coverage: array<Coverage>;
+@group(0) @binding(4) var<storage, read> left_out: array<u32>;
+@group(0) @binding(5) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(6) var<storage, read_write> coverage: array<Coverage>;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,

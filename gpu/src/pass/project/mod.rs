@@ -13,7 +13,8 @@ use crate::pass::projected::Projected;
 use crate::pass::tiles::Hits;
 use crate::shader::layout::{PassArguments, Row};
 use crate::shader::{
-    Access, CONIC, Constant, EXTENT, GEOMETRY, GRID, Kernel, Recorder, SCALES, Shader, Tiling,
+    Access, CONIC, COVERED, Constant, EXTENT, GEOMETRY, GRID, Kernel, Recorder, SCALES, Shader,
+    Tiling,
 };
 
 /// Rows of the sums of the color head, and of the language head.
@@ -81,8 +82,8 @@ pub fn shaders(tiling: Tiling, rows: usize, color: bool) -> [Shader; 3] {
     [
         shader(
             if color { "project_color" } else { "project_language" },
-            vec![GRID, SCALES, GEOMETRY, CONIC, EXTENT, include_str!("forward.wgsl")],
-            vec![Read, Read, Read, Write, Write],
+            vec![GRID, SCALES, GEOMETRY, CONIC, EXTENT, COVERED, include_str!("forward.wgsl")],
+            vec![Read, Read, Read, Read, Write, Write],
         ),
         shader(
             if color { "collect_color" } else { "collect_language" },
@@ -149,8 +150,8 @@ impl Project {
         projected: &Projected,
     ) {
         let (geometry, features) = (&head.geometry.values, &head.features.values);
-        let buffers: [&wgpu::Buffer; 5] =
-            [means, geometry, features, &projected.splats, &projected.coverage];
+        let Projected { splats, coverage, left_out } = projected;
+        let buffers: [&wgpu::Buffer; 6] = [means, geometry, features, left_out, splats, coverage];
         recorder.dispatch_threads(&self.forward, arguments, &buffers, arguments.count as usize);
     }
 

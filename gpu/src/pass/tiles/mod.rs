@@ -16,7 +16,9 @@ use crate::pass::projected::Projected;
 use crate::primitives::scan::ScanScratch;
 use crate::primitives::sort::{Sort, SortShape};
 use crate::shader::layout::{Coverage, HitCount, PassArguments};
-use crate::shader::{Access, CONIC, Constant, EXTENT, GRID, Kernel, Recorder, Shader, Tiling};
+use crate::shader::{
+    Access, CONIC, COVERED, Constant, EXTENT, GRID, Kernel, Recorder, Shader, Tiling,
+};
 
 mod counted;
 mod sorted;
@@ -73,9 +75,9 @@ pub fn shaders(tiling: Tiling, shape: SortShape) -> Vec<Shader> {
     let rank = Shader {
         label: "tiles_rank",
         entry: "main",
-        parts: vec![GRID, CONIC, EXTENT, include_str!("rank.wgsl")],
+        parts: vec![GRID, CONIC, EXTENT, COVERED, include_str!("rank.wgsl")],
         constants: tiling.constants(1, 1),
-        bindings: [[Access::Read; 4].as_slice(), &[Access::Write; 2]].concat(),
+        bindings: [[Access::Read; 5].as_slice(), &[Access::Write; 2]].concat(),
     };
     let group_size = ("SORT_GROUP", Constant::U32(shape.group));
     let mut constants = tiling.constants(1, 1);
@@ -183,11 +185,12 @@ impl Tiles {
         sort: &Sort,
     ) {
         let count = arguments.count as usize + 1;
-        let counted: [&wgpu::Buffer; 6] = [
+        let counted: [&wgpu::Buffer; 7] = [
             &ranks.visible,
             &ranks.gaussian_from_rank,
             &projected.coverage,
             &projected.splats,
+            &projected.left_out,
             &hits.slot_from_rank,
             &hits.coverage_from_rank,
         ];

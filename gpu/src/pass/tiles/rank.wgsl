@@ -6,8 +6,9 @@
 @group(0) @binding(2) var<storage, read> gaussian_from_rank: array<u32>;
 @group(0) @binding(3) var<storage, read> coverage: array<Coverage>;
 @group(0) @binding(4) var<storage, read> splats: array<Splat>;
-@group(0) @binding(5) var<storage, read_write> slot_from_rank: array<u32>;
-@group(0) @binding(6) var<storage, read_write> coverage_from_rank: array<Coverage>;
+@group(0) @binding(5) var<storage, read> left_out: array<u32>;
+@group(0) @binding(6) var<storage, read_write> slot_from_rank: array<u32>;
+@group(0) @binding(7) var<storage, read_write> coverage_from_rank: array<Coverage>;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,

@@ -34,19 +34,3 @@ fn touches(splat: Splat, tile: vec2<u32>) -> bool {
     );
     return least <= splat.form.w * 1.001 + 0.01;
 }
-
-/// Which tiles of the band the splat hits.
-fn covered(splat: Splat) -> Coverage {
-    let rect = tile_rect(splat);
-    var found = vec2<u32>(0u);
-    var at = 0u;
-    for (var y = rect.y; y < rect.w; y++) {
-        for (var x = rect.x; x < rect.z; x++) {
-            let hit = u32(touches(splat, vec2<u32>(x, y)));
-            found += vec2<u32>(hit, hit << min(at, MASK_TILES - 1u));
-            at += 1u;
-        }
-    }
-    let width = select(0u, rect.z - rect.x, at <= MASK_TILES);
-    return Coverage(found.x, found.y, rect.y * pass_.tiles.x + rect.x, width);
-}

@@ -13,7 +13,7 @@
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::pass::order::Ranks;
 use crate::shader::layout::{LossArguments, Row};
-use crate::shader::{Access, GRID, Kernel, Recorder, SCALES, Shader};
+use crate::shader::{Access, GRID, Kernel, Recorder, SCALES, Shader, Tiling};
 use crate::train::target::{ColorTarget, LanguageTarget};
 
 /// Factors of the terms of the loss; a term with factor 0 is off.
@@ -90,6 +90,7 @@ pub struct ScaleLoss<'a> {
 
 /// The kernels.
 pub struct Loss {
+    tiling: Tiling,
     color: Kernel,
     language: Kernel,
     isotropic: Kernel,
@@ -97,17 +98,17 @@ pub struct Loss {
 }
 
 /// This kernel's shaders.
-pub fn shaders() -> [Shader; 4] {
+pub fn shaders(tiling: Tiling) -> [Shader; 4] {
     use Access::{Read, Write};
     let shader = |label, text, bindings| Shader {
         label,
         entry: "main",
         parts: vec![GRID, SCALES, text],
-        constants: Vec::new(),
+        constants: tiling.constants(1, 1),
         bindings,
     };
     [
-        shader("loss_color", include_str!("color.wgsl"), vec![Read, Read, Write, Write]),
+        shader("loss_color", include_str!("color.wgsl"), vec![Read, Read, Read, Write, Write]),
         shader("loss_language", include_str!("language.wgsl"), vec![Read, Read, Write, Write]),
         shader(
             "loss_isotropic",
@@ -129,8 +130,10 @@ impl Loss {
     /// # Errors
     /// As [`Kernel::new`].
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let [color, language, isotropic, tie] = shaders();
+        let tiling = Tiling::of(gpu.tier());
+        let [color, language, isotropic, tie] = shaders(tiling);
         Ok(Self {
+            tiling,
             color: Kernel::new(gpu, &color)?,
             language: Kernel::new(gpu, &language)?,
             isotropic: Kernel::new(gpu, &isotropic)?,
@@ -138,28 +141,38 @@ impl Loss {
         })
     }
 
-    /// dL/dimage into `gradients`, the terms of each pixel into `terms` (color, depth, dL/da,
-    /// dL/db) for the exposure (a, b).
+    /// Rows of the terms of color: one for each row of pixels of each tile.
+    pub fn color_terms(&self, [width, height]: [u32; 2]) -> usize {
+        let [columns, rows] = self.tiling.tiles([width, height]);
+        (columns * rows * self.tiling.size()[1]) as usize
+    }
+
+    /// dL/dimage into `gradients`, the terms of each row of pixels of each tile into `terms` (color,
+    /// depth, dL/da, dL/db) for the exposure (a, b). Tiles that are left out count as 0, and have no
+    /// gradients.
     pub fn color(
         &self,
         recorder: &mut Recorder<'_>,
         target: &ColorTarget,
         exposure: [f32; 2],
         weights: &LossWeights,
+        left_out: &Buffer<u32>,
         buffers: LossBuffers<'_>,
     ) {
         let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
+        let size = [target.width, target.height];
         let arguments = LossArguments {
             count: target.texels.len() as u32,
             rows: 1,
             first: share(weights.color, 3 * target.color_pixels),
             second: share(weights.depth, target.depth_pixels),
             exposure,
-            unused: [0.0; 2],
+            size,
+            tiles: self.tiling.tiles(size),
         };
-        let buffers: [&wgpu::Buffer; 4] = [image, &target.texels, gradients, terms];
-        recorder.dispatch_threads(&self.color, &arguments, &buffers, target.texels.len());
+        let buffers: [&wgpu::Buffer; 5] = [image, &target.texels, left_out, gradients, terms];
+        recorder.dispatch_threads(&self.color, &arguments, &buffers, self.color_terms(size));
     }
 
     /// dL/dimage into `gradients`, the term of each pixel into `terms` (language, 0, 0, 0).

@@ -59,6 +59,7 @@ fn removing_unseen_gaussians_does_not_change_training() {
             color: Some(&color),
             language: Some((&camera, &language)),
             exposure: [0.0; 2],
+            focus: None,
         };
         let weights = LossWeights { isotropic: 0.0, tie: 0.0, ..LossWeights::default() };
         for _ in 0..4 {
@@ -86,7 +87,8 @@ fn a_saved_map_goes_on_like_the_original() {
     let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let mut train = |map: &mut Gaussians| {
         let (color, language) = (Some(&color), Some((&camera, &language)));
-        let view = TrainingView { camera: &camera, color, language, exposure: [0.0; 2] };
+        let view =
+            TrainingView { camera: &camera, color, language, exposure: [0.0; 2], focus: None };
         for _ in 0..4 {
             let (weights, rates) = (LossWeights::default(), LearningRates::default());
             trainer.step(map, &view, &weights, &rates).expect("steps");

@@ -39,6 +39,9 @@ pub(in super::super) struct KeyframeState {
     is_connected: bool,
     pose_adam: PoseAdam,
     steps: usize,
+    /// Error of each tile of the training image, as the last steps found it.
+    #[serde(with = "packed")]
+    tile_errors: Vec<f32>,
     language: Option<LanguageState>,
     overlap_points: Vec<Point3<f64>>,
 }
@@ -89,6 +92,7 @@ impl KeyframeState {
             is_connected: keyframe.is_connected,
             pose_adam: keyframe.pose_adam.clone(),
             steps: keyframe.steps,
+            tile_errors: keyframe.target.tile_errors(gpu)?,
             language: language.map(|language| LanguageState::of(language, gpu)).transpose()?,
             overlap_points: keyframe.overlap_points.clone(),
         })
@@ -115,6 +119,7 @@ impl KeyframeState {
         };
         let Camera { width, height, .. } = training.camera;
         let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
+        target.set_tile_errors(gpu, &self.tile_errors);
         Ok(Keyframe {
             frame: self.frame,
             intrinsics: self.intrinsics,

@@ -80,6 +80,8 @@ pub struct MapperConfig {
     pub loss: LossConfig,
     /// Adam's learning rates.
     pub rates: RatesConfig,
+    /// Which tiles of a keyframe a step looks at.
+    pub focus: FocusConfig,
 }
 
 /// When optimiser steps are taken.
@@ -119,6 +121,16 @@ pub struct LossConfig {
     pub isotropic: f32,
     /// |S_f - sg(S_c)|: distance of the language head's scales from the color head's.
     pub scale_tie: f32,
+}
+
+/// How likely a color step looks at a tile of its keyframe (8x8 or 16x16 pixels).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FocusConfig {
+    /// Probability of a tile with the mean error of the keyframe's tiles. It grows with the error, up to 1.
+    pub mean_share: f32,
+    /// Probability of a tile without error; 1: steps look at all tiles.
+    pub least_share: f32,
 }
 
 /// Learning rates of the parameter groups.
@@ -167,6 +179,7 @@ impl MapperConfig {
         within("mapper.steps_per_keyframe", self.steps_per_keyframe, 0..=MAX_COUNT)?;
         within("mapper.steps_per_frame", self.steps_per_frame, 0..=MAX_COUNT)?;
         self.loss.check()?;
+        self.focus.check()?;
         self.rates.check()
     }
 
@@ -198,6 +211,13 @@ impl LossConfig {
         at_least("mapper.loss.language", self.language, 0.0)?;
         at_least("mapper.loss.isotropic", self.isotropic, 0.0)?;
         at_least("mapper.loss.scale_tie", self.scale_tie, 0.0)
+    }
+}
+
+impl FocusConfig {
+    fn check(&self) -> Result<(), OutOfRange> {
+        at_least("mapper.focus.mean_share", self.mean_share, 0.0)?;
+        within("mapper.focus.least_share", self.least_share, 0.0..=1.0)
     }
 }
 
@@ -237,7 +257,7 @@ impl Default for MapperConfig {
             insert_backdrop: 1.25,
             max_gaussians: 400_000,
             max_keyframe_mib: 2048,
-            steps_per_keyframe: 28,
+            steps_per_keyframe: 20,
             steps_per_frame: 1,
             window: 8,
             language_every: 4,
@@ -247,6 +267,7 @@ impl Default for MapperConfig {
             ties: TiesConfig::default(),
             loss: LossConfig::default(),
             rates: RatesConfig::default(),
+            focus: FocusConfig::default(),
         }
     }
 }
@@ -257,11 +278,17 @@ impl Default for LossConfig {
     }
 }
 
+impl Default for FocusConfig {
+    fn default() -> Self {
+        Self { mean_share: 1.0, least_share: 0.2 }
+    }
+}
+
 impl Default for RatesConfig {
     fn default() -> Self {
         Self {
-            mean: 7e-4,
-            rotation: 1e-2,
+            mean: 1e-3,
+            rotation: 4e-2,
             scale: 5e-3,
             opacity: 0.05,
             color: 5e-3,
@@ -341,6 +368,8 @@ mod tests {
         ("mapper.loss.language", |c| c.loss.language = -1.0, |c| c.loss.language = 0.0),
         ("mapper.loss.isotropic", |c| c.loss.isotropic = -1.0, |c| c.loss.isotropic = 0.0),
         ("mapper.loss.scale_tie", |c| c.loss.scale_tie = -1.0, |c| c.loss.scale_tie = 0.0),
+        ("mapper.focus.mean_share", |c| c.focus.mean_share = -0.1, |c| c.focus.mean_share = 0.0),
+        ("mapper.focus.least_share", |c| c.focus.least_share = 1.1, |c| c.focus.least_share = 1.0),
         ("mapper.rates.mean", |c| c.rates.mean = -1e-3, |c| c.rates.mean = 0.0),
         ("mapper.rates.rotation", |c| c.rates.rotation = 2.0, |c| c.rates.rotation = 1.0),
         ("mapper.rates.scale", |c| c.rates.scale = f32::NAN, |c| c.rates.scale = 0.0),

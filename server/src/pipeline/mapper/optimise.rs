@@ -5,7 +5,9 @@ use super::super::live_map::{LiveMap, StepKind};
 use super::super::tracker::TrackerConfig;
 use super::config::MapperConfig;
 use super::{pose_refinement, prune};
-use lexsplat_gpu::{Gpu, GpuError, HeadRates, LearningRates, LossWeights, Trainer, TrainingView};
+use lexsplat_gpu::{
+    Focus, Gpu, GpuError, HeadRates, LearningRates, LossWeights, Trainer, TrainingView,
+};
 use rand::Rng;
 use rand::seq::IteratorRandom as _;
 use std::cmp::Reverse;
@@ -36,7 +38,7 @@ pub(in super::super) fn step(
     }
     let max_scale_metres = MAX_GROWTH * live.largest_scale_metres;
     let rates = learning_rates(config, live.steps.learning_rate_decay(), max_scale_metres);
-    let view = training_view(keyframe, kind);
+    let view = training_view(keyframe, kind, config);
     trainer.step(&mut live.gaussians, &view, &loss_weights(config), &rates)?;
     if kind.color && pose_refinement::applies(&live.keyframes, at, tracker_config) {
         pose_refinement::refine(live, trainer, at, tracker_config)?;
@@ -66,13 +68,22 @@ fn draw_keyframe(
     drawn.map(|(at, _)| at)
 }
 
-fn training_view(keyframe: &Keyframe, kind: StepKind) -> TrainingView<'_> {
+fn training_view<'a>(
+    keyframe: &'a Keyframe,
+    kind: StepKind,
+    config: &MapperConfig,
+) -> TrainingView<'a> {
     let language = keyframe.language.as_ref().filter(|_| kind.language);
     TrainingView {
         camera: &keyframe.training.camera,
         color: kind.color.then_some(&keyframe.target),
         language: language.map(|language| (&language.camera, &language.target)),
         exposure: keyframe.frame.exposure,
+        focus: Some(Focus {
+            mean_share: config.focus.mean_share,
+            least_share: config.focus.least_share,
+            turn: keyframe.steps as u32,
+        }),
     }
 }
 

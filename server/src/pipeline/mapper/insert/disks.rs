@@ -1,15 +1,18 @@
 //! The initial shape of a Gaussian: a disk on the measured surface that fills its cell.
 //!
 //! In: cells of an image with depth. Out: Gaussians at the measured depth, flat along the surface normal,
-//! lengthened by the slant of the surface, in the cell's mean color. Their language heads are a little
-//! smaller and have codes of zeros ("no language yet"). The paper starts with balls at random pixels; disks
-//! lie on a wall without any optimisation.
+//! longer along an edge of the image and along the slant of the surface, in the cell's mean color. Their
+//! language heads are a little smaller and have codes of zeros ("no language yet"). The paper starts with
+//! balls at random pixels; disks lie on a wall without any optimisation.
 
 use super::super::super::backdrop::BACKDROP_LOGIT;
 use super::super::super::downsampled_frame::DownsampledFrame;
+use super::edge::{Edge, edge};
 use super::quadtree::Cell;
 use lexsplat_gpu::{HostGaussians, HostHead};
-use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    Matrix2, Matrix3, Point3, Rotation3, SymmetricEigen, UnitQuaternion, Vector2, Vector3,
+};
 
 /// Initial opacity 0.9, as a logit.
 const OPACITY_LOGIT: f32 = 2.197_224_6;
@@ -20,6 +23,8 @@ const SCALE: f32 = 0.7;
 const LANGUAGE_SCALE: f32 = 0.5;
 /// Standard deviation along the normal, in units of the one along the surface.
 const THICKNESS: f32 = 0.2;
+/// Logarithm of the factor by which a disk on a clear edge is longer along it, and narrower across.
+const EDGE_STRETCH: f32 = 0.5;
 /// Largest ratio of a disk's length to its width on a slanted surface.
 const MAX_SLANT: f32 = 3.0;
 /// Neighbouring pixels lie on the same surface if their depths differ by at most this share.
@@ -36,7 +41,7 @@ pub(super) fn new_gaussians(
     let mut new = HostGaussians { means: Vec::new(), color: head(3), language: head(code_size) };
     for cell in cells {
         let Some(pixel) = middle(image, *cell) else { continue };
-        let Disk { mean, rotation, log_scales } = disk(image, pixel, cell.side as f32);
+        let Disk { mean, rotation, log_scales } = disk(image, pixel, *cell);
         new.means.push(mean.into());
         let smaller = (LANGUAGE_SCALE / SCALE).ln();
         for (head, shift) in [(&mut new.color, 0.0), (&mut new.language, smaller)] {
@@ -86,32 +91,56 @@ struct Disk {
     mean: Point3<f32>,
     /// Quaternion (w, x, y, z).
     rotation: [f32; 4],
-    /// Logarithms of the standard deviations, metres: along the slope, across it, along the normal.
+    /// Logarithms of the standard deviations, metres: the longest, across it, along the normal.
     log_scales: [f32; 3],
 }
 
-/// A disk on the surface at a pixel that projects to a circle of `SCALE * side` pixels.
-fn disk(image: &DownsampledFrame, pixel: usize, side: f32) -> Disk {
+/// A disk on the surface at a pixel. It looks like a circle of `SCALE` times the cell's side, stretched along
+/// the edge in the cell.
+fn disk(image: &DownsampledFrame, pixel: usize, cell: Cell) -> Disk {
     let camera = &image.camera;
     let width = camera.width as usize;
     let depth = image.depth_metres[pixel];
     let mean = camera.unproject((pixel % width) as f32, (pixel / width) as f32, depth);
-    let radius = SCALE * side * depth / camera.fx;
+    let radius = SCALE * cell.side as f32 * depth / camera.fx;
     let eye = camera.camera_from_world.inverse_transform_point(&Point3::origin());
     let sight = (mean - eye).normalize();
     let normal = normal(image, pixel).unwrap_or(sight);
     let slant = normal.dot(&sight).abs().max(1.0 / MAX_SLANT);
-    // The disk is longer along the slope, so that it looks round from this camera.
+    // Axes on the surface: along the slope, which is foreshortened, and across it.
     let slope = sight - normal * normal.dot(&sight);
     let slope = slope.try_normalize(1e-4).unwrap_or_else(|| across(&normal));
-    let axes = Matrix3::from_columns(&[slope, normal.cross(&slope), normal]);
+    let level = normal.cross(&slope);
+    let Edge { direction, clarity } = edge(image, cell);
+    let world_from_camera = camera.camera_from_world.rotation.inverse();
+    let direction = world_from_camera * Vector3::new(direction.x, direction.y, 0.0);
+    let shown_slope = (slope - sight * sight.dot(&slope)).try_normalize(1e-4).unwrap_or(slope);
+    let along = Vector2::new(direction.dot(&shown_slope), direction.dot(&level));
+    let along = along.try_normalize(0.0).unwrap_or_else(Vector2::x);
+    let stretch = (EDGE_STRETCH * clarity).exp();
+    let (longest, length, breadth) = ellipse(along, stretch, slant);
+    let axis = slope * longest.x + level * longest.y;
+    let axes = Matrix3::from_columns(&[axis, normal.cross(&axis), normal]);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    let scales = [radius / slant, radius, THICKNESS * radius];
+    let scales = [radius * length, radius * breadth, THICKNESS * radius];
     Disk {
         mean,
         rotation: [rotation.w, rotation.i, rotation.j, rotation.k],
         log_scales: scales.map(f32::ln),
     }
+}
+
+/// The ellipse on a surface that looks like a unit circle, stretched by a factor along a unit vector and
+/// squeezed by it across. The x axis of the surface looks shorter, by the factor `slant`. Returns the direction
+/// of the longest axis, its length and the length of the other one.
+fn ellipse(along: Vector2<f32>, stretch: f32, slant: f32) -> (Vector2<f32>, f32, f32) {
+    let turn = Matrix2::new(along.x, -along.y, along.y, along.x);
+    let shown = turn * Matrix2::new(stretch, 0.0, 0.0, 1.0 / stretch);
+    let on_surface = Matrix2::new(1.0 / slant, 0.0, 0.0, 1.0) * shown;
+    let axes = SymmetricEigen::new(on_surface * on_surface.transpose());
+    let longest = axes.eigenvalues.imax();
+    let [length, breadth] = [axes.eigenvalues[longest], axes.eigenvalues[1 - longest]];
+    (axes.eigenvectors.column(longest).into_owned(), length.sqrt(), breadth.sqrt())
 }
 
 /// A unit vector perpendicular to the normal.
@@ -179,6 +208,45 @@ mod tests {
         assert!(away < 0.05, "its long axis lies in the surface: {away}");
         let scales = new.color.log_scales[0].map(f32::exp);
         assert!(scales[0] > 1.01 * scales[1], "longer along the slope: {scales:?}");
+    }
+
+    #[test]
+    fn a_disk_lies_along_the_edge_in_its_cell() {
+        let cell = Cell { left: 2, top: 2, side: 4 };
+        let striped = |is_bright: fn(usize, usize) -> bool| {
+            let mut image = wall(8);
+            let value = |at: usize| if is_bright(at / 3 % 8, at / 24) { 200 } else { 40 };
+            image.rgb = (0..8 * 8 * 3).map(value).collect();
+            new_gaussians(&image, &[cell], f32::INFINITY, 1)
+        };
+        let longest = |new: &HostGaussians| {
+            let [w, x, y, z] = new.color.rotations[0];
+            UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z)) * Vector3::x()
+        };
+        let ratio =
+            |new: &HostGaussians| (new.color.log_scales[0][0] - new.color.log_scales[0][1]).exp();
+        let upright = striped(|x, _| x < 4);
+        assert!(longest(&upright).y.abs() > 0.99, "{:?}", longest(&upright));
+        assert!(ratio(&upright) > 2.5, "{}", ratio(&upright));
+        let level = striped(|_, y| y < 4);
+        assert!(longest(&level).x.abs() > 0.99, "{:?}", longest(&level));
+        let flat = striped(|_, _| true);
+        assert!(ratio(&flat) < 1.1, "negative control: {}", ratio(&flat));
+    }
+
+    #[test]
+    fn an_ellipse_undoes_the_slant_and_keeps_its_area_in_the_image() {
+        let (axis, length, breadth) = ellipse(Vector2::y(), 1.0, 0.5);
+        assert!(
+            axis.x.abs() > 0.999 && (length - 2.0).abs() < 1e-5 && (breadth - 1.0).abs() < 1e-5
+        );
+        let (axis, length, breadth) = ellipse(Vector2::y(), 4.0, 0.5);
+        assert!(
+            axis.y.abs() > 0.999 && (length - 4.0).abs() < 1e-4 && (breadth - 0.5).abs() < 1e-4
+        );
+        let diagonal = Vector2::new(0.6, 0.8);
+        let (_, length, breadth) = ellipse(diagonal, 3.0, 0.5);
+        assert!((length * breadth * 0.5 - 1.0).abs() < 1e-4, "{length} {breadth}");
     }
 
     #[test]

@@ -8,6 +8,7 @@
 
 mod disagreement;
 mod disks;
+mod edge;
 mod gain;
 mod history;
 mod quadtree;
