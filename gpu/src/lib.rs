@@ -21,7 +21,7 @@ pub use shader::{Kernel, Recorder};
 pub use track::align::{AlignSettings, Aligned, Aligner, Estimate, NormalSystem, Schedule};
 pub use track::pyramid::{Pyramid, Pyramids};
 pub use track::{align, pyramid};
-pub use train::adam::{HeadRates, LearningRates};
+pub use train::adam::{HeadRates, LearningRates, Youth};
 pub use train::loss::{LossWeights, Losses};
 pub use train::ties::Ties;
 pub use train::{ColorTarget, Focus, LanguageTarget, StepReport, Trainer, TrainingView};

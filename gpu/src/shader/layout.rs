@@ -296,6 +296,18 @@ structs! {
         /// Likewise.
         spare: [u32; 2] => "vec2<u32>",
     }
+    /// For the count of the optimiser's steps.
+    AdvanceArguments {
+        /// Number of Gaussians.
+        count: u32 => "u32",
+        /// Rows of the sums per visible Gaussian.
+        rows: u32 => "u32",
+        /// By how much the rates of a Gaussian's first step are larger than its last ones', as a
+        /// factor.
+        first_rate: f32 => "f32",
+        /// Steps after which the difference is 1/e of that.
+        young_steps: f32 => "f32",
+    }
     /// For the optimiser.
     AdamArguments {
         /// Learning rates of an even row.

@@ -8,7 +8,7 @@ use crate::pass::{Camera, HeadPass, Renderer};
 use crate::primitives::reduce::{Reduce, ReduceScratch, Summands};
 use crate::shader::Recorder;
 use crate::shader::layout::Row;
-use crate::train::adam::{Adam, LearningRates, ParameterGradients, RowRates, SeenGaussians};
+use crate::train::adam::{Adam, LearningRates, ParameterGradients, RowRates, SeenGaussians, Youth};
 use crate::train::focus::FocusKernels;
 use crate::train::loss::{Loss, LossBuffers, ScaleLoss};
 use crate::train::step::{
@@ -278,7 +278,8 @@ impl StepKernels {
         let counts = hit_counts(step).map(HeadPass::hit_count);
         let seen =
             SeenGaussians { ranks, sums: (&gradients.sums, gradients.sum_rows), counts, count };
-        self.adam.advance(recorder, seen, &arrays.steps, corrections);
+        let youth = if head == HeadKind::Color { rates.youth } else { Youth::NONE };
+        self.adam.advance(recorder, seen, youth, &arrays.steps, corrections);
         let geometry = self.geometry_gradients(step, head);
         self.adam.update(recorder, &arrays.geometry, rates.geometry(head, share), geometry);
         let rows = (&gradients.features, arrays.features.rows);

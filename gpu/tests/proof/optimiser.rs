@@ -8,7 +8,7 @@ use lexsplat_gpu::primitives::sort::Sort;
 use lexsplat_gpu::shader::layout::{
     BETA_FIRST, BETA_SECOND, HitCount, LOG_BETA_FIRST, LOG_BETA_SECOND,
 };
-use lexsplat_gpu::train::adam::{Adam, ParameterGradients, RowRates, SeenGaussians};
+use lexsplat_gpu::train::adam::{Adam, ParameterGradients, RowRates, SeenGaussians, Youth};
 use lexsplat_gpu::train::loss::{Loss, LossBuffers, ScaleLoss};
 use lexsplat_gpu::{Buffer, ColorTarget, LossWeights, Parameters, Recorder};
 use rand::{Rng, SeedableRng};
@@ -173,7 +173,7 @@ fn adam_matches_the_oracle() {
         poisoned[7][1] = f32::NAN;
         gradient.write(&gpu, 0, &poisoned);
         let mut recorder = Recorder::new(&gpu).expect("fits");
-        adam.advance(&mut recorder, seen, &steps, &corrections);
+        adam.advance(&mut recorder, seen, Youth::NONE, &steps, &corrections);
         adam.update(&mut recorder, &parameters, row_rates, moves);
         recorder.submit();
         for gaussian in (0..count).filter(|gaussian| is_seen(step, *gaussian)) {
@@ -223,7 +223,7 @@ fn an_overflowed_list_stops_adam() {
     for (counts, moves) in [([&whole, &cut], 0), ([&cut, &whole], 0), ([&whole, &whole], 1)] {
         let seen = SeenGaussians { ranks: &ranks, sums: (&sums, 2), counts, count: 1 };
         let mut recorder = Recorder::new(&gpu).expect("fits");
-        adam.advance(&mut recorder, seen, &steps, &corrections);
+        adam.advance(&mut recorder, seen, Youth::NONE, &steps, &corrections);
         recorder.submit();
         assert_eq!(steps.read(&gpu, 1).expect("reads"), [moves]);
         assert_eq!(corrections.read(&gpu, 1).expect("reads")[0][0] > 0.0, moves == 1);

@@ -1,6 +1,7 @@
-// t += 1 where a pixel saw the Gaussian; corrections = 1/(1 - b1^t), 1/(1 - b2^t), else 0.
+// t += 1 where a pixel saw the Gaussian; corrections = gain(t)/(1 - b1^t), 1/(1 - b2^t), else 0, with
+// gain(t) = 1 + (first_rate - 1) exp(-(t - 1) / young_steps).
 
-@group(0) @binding(0) var<uniform> arguments: ArrayArguments; // detail: rows of the sums per visible Gaussian
+@group(0) @binding(0) var<uniform> arguments: AdvanceArguments;
 @group(0) @binding(1) var<storage, read> gaussian_from_visible: array<u32>;
 @group(0) @binding(2) var<storage, read> sums: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> one: array<HitCount>;
@@ -22,10 +23,12 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if index >= arguments.count { return; }
     let whole = one[0].missing == 0u && other[0].missing == 0u;
     corrections[index] = vec2<f32>(0.0);
-    if whole && sums[arguments.detail * index].w > 0.0 {
+    if whole && sums[arguments.rows * index].w > 0.0 {
         let gaussian = gaussian_from_visible[index];
         let t = steps[gaussian] + 1u;
         steps[gaussian] = t;
-        corrections[index] = 1.0 / decayed(f32(t) * vec2<f32>(LOG_BETA_FIRST, LOG_BETA_SECOND));
+        let youth = exp(-f32(t - 1u) / arguments.young_steps);
+        let gain = vec2<f32>(1.0 + (arguments.first_rate - 1.0) * youth, 1.0);
+        corrections[index] = gain / decayed(f32(t) * vec2<f32>(LOG_BETA_FIRST, LOG_BETA_SECOND));
     }
 }

@@ -14,7 +14,7 @@
 use crate::device::{Buffer, Gpu, GpuError};
 use crate::map::{HeadKind, Parameters};
 use crate::pass::order::Ranks;
-use crate::shader::layout::{AdamArguments, ArrayArguments, HitCount, Row};
+use crate::shader::layout::{AdamArguments, AdvanceArguments, HitCount, Row};
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader};
 
 /// Learning rates of one head.
@@ -39,8 +39,25 @@ pub struct LearningRates {
     pub color: HeadRates,
     /// Of the language head.
     pub language: HeadRates,
+    /// How much larger those of means and of the color head are for new Gaussians.
+    pub youth: Youth,
     /// Largest standard deviation that a step leaves, metres. Infinite: no limit.
     pub max_scale_metres: f32,
+}
+
+/// Larger steps for new Gaussians: the rates of a Gaussian's t-th step are multiplied by
+/// `1 + (first_rate - 1) exp(-(t - 1) / steps)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Youth {
+    /// Factor of the first step.
+    pub first_rate: f32,
+    /// Steps after which the factor's distance from 1 is 1/e of that; more than 0.
+    pub steps: f32,
+}
+
+impl Youth {
+    /// The same rates for all Gaussians.
+    pub const NONE: Self = Self { first_rate: 1.0, steps: 1.0 };
 }
 
 /// Learning rates of the rows of a parameter, and their limit.
@@ -74,6 +91,7 @@ impl Default for LearningRates {
                 opacity: 0.05,
                 feature: 2.5e-3,
             },
+            youth: Youth::NONE,
             max_scale_metres: f32::INFINITY,
         }
     }
@@ -164,16 +182,22 @@ impl Adam {
     }
 
     /// Counts the step in `steps` for the Gaussians that may be moved, and prepares their bias
-    /// corrections.
+    /// corrections. The first moment's has the larger steps of `youth` in it.
     pub fn advance(
         &self,
         recorder: &mut Recorder<'_>,
         seen: SeenGaussians<'_>,
+        youth: Youth,
         steps: &Buffer<u32>,
         corrections: &Buffer<[f32; 2]>,
     ) {
         let (sums, rows) = seen.sums;
-        let arguments = ArrayArguments { count: seen.count as u32, detail: rows as u32 };
+        let arguments = AdvanceArguments {
+            count: seen.count as u32,
+            rows: rows as u32,
+            first_rate: youth.first_rate,
+            young_steps: youth.steps,
+        };
         let [one, other] = seen.counts;
         let gaussians = &seen.ranks.gaussian_from_visible;
         let buffers: [&wgpu::Buffer; 6] = [gaussians, sums, one, other, steps, corrections];

@@ -155,6 +155,10 @@ pub struct RatesConfig {
     pub language_opacity: f32,
     /// Language codes.
     pub code: f32,
+    /// Factor of a Gaussian's first color step, on all rates but language's,
+    pub first: f32,
+    /// whose distance from 1 falls to 1/e in this many of its steps.
+    pub first_steps: f32,
 }
 
 impl MapperConfig {
@@ -232,7 +236,9 @@ impl RatesConfig {
         rate("mapper.rates.language_rotation", self.language_rotation)?;
         rate("mapper.rates.language_scale", self.language_scale)?;
         rate("mapper.rates.language_opacity", self.language_opacity)?;
-        rate("mapper.rates.code", self.code)
+        rate("mapper.rates.code", self.code)?;
+        within("mapper.rates.first", self.first, 0.0..=100.0)?;
+        within("mapper.rates.first_steps", self.first_steps, 0.1..=1e6)
     }
 }
 
@@ -296,6 +302,8 @@ impl Default for RatesConfig {
             language_scale: 1.2e-3,
             language_opacity: 0.05,
             code: 5e-3,
+            first: 3.0,
+            first_steps: 8.0,
         }
     }
 }
@@ -391,6 +399,8 @@ mod tests {
             |c| c.rates.language_opacity = 0.0,
         ),
         ("mapper.rates.code", |c| c.rates.code = -1.0, |c| c.rates.code = 0.0),
+        ("mapper.rates.first", |c| c.rates.first = -1.0, |c| c.rates.first = 1.0),
+        ("mapper.rates.first_steps", |c| c.rates.first_steps = 0.0, |c| c.rates.first_steps = 1.0),
     ];
 
     #[test]

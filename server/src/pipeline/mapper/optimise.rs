@@ -6,7 +6,7 @@ use super::super::tracker::TrackerConfig;
 use super::config::MapperConfig;
 use super::{pose_refinement, prune};
 use lexsplat_gpu::{
-    Focus, Gpu, GpuError, HeadRates, LearningRates, LossWeights, Trainer, TrainingView,
+    Focus, Gpu, GpuError, HeadRates, LearningRates, LossWeights, Trainer, TrainingView, Youth,
 };
 use rand::Rng;
 use rand::seq::IteratorRandom as _;
@@ -115,6 +115,7 @@ fn learning_rates(config: &MapperConfig, decay: f32, max_scale_metres: f32) -> L
             opacity: rates.language_opacity,
             feature: rates.code,
         },
+        youth: Youth { first_rate: rates.first, steps: rates.first_steps },
         max_scale_metres,
     }
 }
