@@ -13,6 +13,7 @@ use crate::train::loss::{Loss, LossBuffers, ScaleLoss};
 use crate::train::step::{
     COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
 };
+use crate::train::targets_in_use::TargetsInUse;
 use crate::train::ties::{TieKernels, Ties};
 
 /// Loss, sums, optimiser and ties, with their scratch buffers.
@@ -25,6 +26,7 @@ pub(super) struct StepKernels {
     pub(super) ties: Ties,
     /// The results of the current step; see [`StepReport`](crate::train::StepReport).
     pub(super) results: Buffer<Row>,
+    targets: TargetsInUse,
     color: Option<HeadScratch>,
     language: Option<HeadScratch>,
 }
@@ -55,12 +57,13 @@ impl StepKernels {
             tie: TieKernels::new(gpu)?,
             ties: Ties::default(),
             results: Buffer::new(gpu, "results", RESULT_ROWS)?,
+            targets: TargetsInUse::default(),
             color: None,
             language: None,
         })
     }
 
-    /// Makes room for a step.
+    /// Makes room for a step, and puts its color target on the device.
     pub(super) fn reserve(
         &mut self,
         gpu: &Gpu,
@@ -85,7 +88,7 @@ impl StepKernels {
                 });
             }
         }
-        Ok(())
+        job.color.iter().try_for_each(|target| self.targets.bring(gpu, target))
     }
 
     /// Records everything that follows the forward pass: losses, backward passes and, if the job

@@ -1,11 +1,11 @@
-//! Training targets on the device: the images that a rendered view is compared with. They are
-//! uploaded once per keyframe. Clones share the buffers.
+//! Training targets: the images that a rendered view is compared with. Clones share the buffers.
 
 use std::sync::Arc;
 
 use crate::device::{Buffer, Gpu, GpuError, expect_len};
-use crate::map::rows::{pad_rows, unpad_rows};
+use crate::map::rows::pad_rows;
 use crate::shader::layout::Row;
+use crate::train::texels::{Picture, Texel, Texels, is_measured, texels};
 
 /// Color and depth of one view.
 #[derive(Clone)]
@@ -16,9 +16,7 @@ pub struct ColorTarget {
 pub(crate) struct ColorInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// r, g, b and whether there is a color (255), a byte each; then the depth's bits, metres, -1
-    /// for none.
-    pub(crate) texels: Buffer<[u32; 2]>,
+    pub(crate) texels: Texels,
     pub(crate) color_pixels: usize,
     pub(crate) depth_pixels: usize,
 }
@@ -33,7 +31,8 @@ pub(crate) struct LanguageInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) channels: usize,
-    pub(crate) rows: Buffer<Row>,
+    /// `None` if the codes are not on the device.
+    pub(crate) rows: Option<Buffer<Row>>,
 }
 
 impl ColorTarget {
@@ -65,25 +64,35 @@ impl ColorTarget {
         depth_metres: &[f32],
         valid: impl Fn(usize) -> bool,
     ) -> Result<Self, GpuError> {
-        let pixels = width as usize * height as usize;
-        expect_len("rgb8", 3 * pixels, rgb8.len())?;
-        expect_len("depth_metres", pixels, depth_metres.len())?;
-        let is_measured = |depth: f32| depth > 0.0 && depth.is_finite();
-        let texels: Vec<[u32; 2]> = (0..pixels)
-            .map(|pixel| {
-                let [r, g, b] = [0, 1, 2].map(|channel| rgb8[3 * pixel + channel]);
-                let color = if valid(pixel) { [r, g, b, u8::MAX] } else { [0; 4] };
-                let depth = depth_metres[pixel];
-                let depth = if is_measured(depth) { depth } else { -1.0 };
-                [u32::from_le_bytes(color), depth.to_bits()]
-            })
-            .collect();
+        check_sizes(width, height, rgb8, depth_metres)?;
+        let texels = texels(rgb8, depth_metres, valid);
         let inner = ColorInner {
             width,
             height,
             color_pixels: texels.iter().filter(|[color, _]| *color != 0).count(),
-            depth_pixels: depth_metres.iter().filter(|depth| is_measured(**depth)).count(),
-            texels: Buffer::from_slice(gpu, "color target", &texels)?,
+            depth_pixels: count_measured(depth_metres),
+            texels: Texels::resident(gpu, &texels)?,
+        };
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// As [`ColorTarget::new`], but the view is on the device only while a trainer takes steps on it.
+    ///
+    /// # Errors
+    /// [`GpuError::ShapeMismatch`].
+    pub fn of_picture(
+        width: u32,
+        height: u32,
+        rgb8: Arc<[u8]>,
+        depth_metres: Arc<[f32]>,
+    ) -> Result<Self, GpuError> {
+        check_sizes(width, height, &rgb8, &depth_metres)?;
+        let inner = ColorInner {
+            width,
+            height,
+            color_pixels: depth_metres.len(),
+            depth_pixels: count_measured(&depth_metres),
+            texels: Texels::of_picture(Picture { rgb8, depth_metres }),
         };
         Ok(Self { inner: Arc::new(inner) })
     }
@@ -93,9 +102,15 @@ impl ColorTarget {
         [self.inner.width, self.inner.height]
     }
 
-    /// Bytes on the device.
+    /// Bytes on the device, while the view is there.
     pub fn device_bytes(&self) -> u64 {
-        self.inner.texels.size()
+        let pixels = u64::from(self.inner.width) * u64::from(self.inner.height);
+        pixels * size_of::<Texel>() as u64
+    }
+
+    /// Whether this is the same target as another.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.inner, &other.inner)
     }
 
     pub(crate) fn inner(&self) -> &ColorInner {
@@ -123,8 +138,18 @@ impl LanguageTarget {
             return Err(GpuError::BadValue { what: "codes", expected: "finite numbers", found });
         }
         let rows = pad_rows(codes, channels);
-        let rows = Buffer::from_slice(gpu, "language target", &rows)?;
+        let rows = Some(Buffer::from_slice(gpu, "language target", &rows)?);
         Ok(Self { inner: Arc::new(LanguageInner { width, height, channels, rows }) })
+    }
+
+    /// The place of a code map that is not on the device. It has codes of no channels, so a step on it is refused.
+    pub fn absent(width: u32, height: u32) -> Self {
+        Self { inner: Arc::new(LanguageInner { width, height, channels: 0, rows: None }) }
+    }
+
+    /// Whether the codes are on the device.
+    pub fn is_on_device(&self) -> bool {
+        self.inner.rows.is_some()
     }
 
     /// Width and height, in pixels.
@@ -132,21 +157,17 @@ impl LanguageTarget {
         [self.inner.width, self.inner.height]
     }
 
-    /// Bytes on the device.
-    pub fn device_bytes(&self) -> u64 {
-        self.inner.rows.size()
-    }
-
-    /// Reads the codes back, height x width x channels.
-    ///
-    /// # Errors
-    /// [`GpuError::DeviceLost`].
-    pub fn read(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
-        let rows = self.inner.rows.read(gpu, self.inner.rows.len())?;
-        Ok(unpad_rows(&rows, self.inner.channels))
-    }
-
     pub(crate) fn inner(&self) -> &LanguageInner {
         &self.inner
     }
+}
+
+fn check_sizes(width: u32, height: u32, rgb8: &[u8], depth_metres: &[f32]) -> Result<(), GpuError> {
+    let pixels = width as usize * height as usize;
+    expect_len("rgb8", 3 * pixels, rgb8.len())?;
+    expect_len("depth_metres", pixels, depth_metres.len())
+}
+
+fn count_measured(depth_metres: &[f32]) -> usize {
+    depth_metres.iter().filter(|depth| is_measured(**depth)).count()
 }

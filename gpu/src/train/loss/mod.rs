@@ -150,16 +150,17 @@ impl Loss {
     ) {
         let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
+        let texels = target.texels.buffer().expect("the view was put on the device for the step");
         let arguments = LossArguments {
-            count: target.texels.len() as u32,
+            count: texels.len() as u32,
             rows: 1,
             first: share(weights.color, 3 * target.color_pixels),
             second: share(weights.depth, target.depth_pixels),
             exposure,
             unused: [0.0; 2],
         };
-        let buffers: [&wgpu::Buffer; 4] = [image, &target.texels, gradients, terms];
-        recorder.dispatch_threads(&self.color, &arguments, &buffers, target.texels.len());
+        let buffers: [&wgpu::Buffer; 4] = [image, &texels, gradients, terms];
+        recorder.dispatch_threads(&self.color, &arguments, &buffers, texels.len());
     }
 
     /// dL/dimage into `gradients`, the term of each pixel into `terms` (language, 0, 0, 0).
@@ -173,13 +174,14 @@ impl Loss {
         let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
         let pixels = target.width as usize * target.height as usize;
+        let rows = target.rows.as_ref().expect("a step without codes is refused");
         let arguments = LossArguments {
             count: pixels as u32,
-            rows: target.rows.len().checked_div(pixels).unwrap_or(0) as u32,
+            rows: rows.len().checked_div(pixels).unwrap_or(0) as u32,
             first: share(weights.language, pixels * target.channels),
             ..LossArguments::default()
         };
-        let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
+        let buffers: [&wgpu::Buffer; 4] = [image, rows, gradients, terms];
         recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
     }
 
