@@ -43,7 +43,7 @@ async fn walk(
     }
     server.settled("small").await;
     let map = server.engine.map("small").expect("it is there");
-    let snapshot = map.snapshot();
+    let snapshot = map.snapshot().await;
     let found = server.found(robot, &snapshot, things).await.len();
     let distance = |(at, frame): (usize, &nalgebra::Isometry3<f64>)| {
         (frame.translation.vector - robot.poses[at].translation.vector).norm()

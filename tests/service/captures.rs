@@ -135,7 +135,7 @@ async fn captures_of_phones_and_scanners_are_mapped() {
         assert_eq!((summary.tracked, summary.left_out), (FRAMES as u64, 0), "{name}: {summary:?}");
         assert!(summary.input_warnings.is_empty(), "{name}: {:?}", summary.input_warnings);
         server.settled(name).await;
-        let snapshot = server.engine.map(name).expect("it is there").snapshot();
+        let snapshot = server.engine.map(name).expect("it is there").snapshot().await;
         let worst = |truth: &[Isometry3<f64>]| {
             let pairs = snapshot.trajectory.iter().zip(truth);
             let far = pairs.map(|(found, truth)| {

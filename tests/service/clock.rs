@@ -21,7 +21,7 @@ async fn map_of(robot: &Robot, pause: Duration, snapshot_seconds: f64) -> Vec<[f
         tokio::time::sleep(pause).await;
     }
     server.settled("clock").await;
-    let snapshot = server.engine.map("clock").expect("it is there").snapshot();
+    let snapshot = server.engine.map("clock").expect("it is there").snapshot().await;
     let gaussians = &snapshot.gaussians;
     let codes = gaussians.language.features.chunks_exact(3).map(|code| [code[0], code[1], code[2]]);
     let made = gaussians.means.iter().copied().chain(codes).collect();

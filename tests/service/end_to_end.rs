@@ -92,7 +92,7 @@ async fn find_things(clock: Clock) {
     let things = visible(&robot, &keyframes);
     assert!(things.len() >= 5, "too little is visible to say anything: {things:?}");
     let map = server.engine.map("room").expect("it is there");
-    let snapshot = map.snapshot();
+    let snapshot = map.snapshot().await;
     let found = server.found(&robot, &snapshot, &things).await;
     let by_chance = server.found(&robot, &shuffled(&snapshot), &things).await;
     let missed: Vec<_> = things.iter().filter(|(class, _)| !found.contains(class)).collect();
@@ -165,7 +165,7 @@ async fn maps_that_share_the_networks_all_get_their_language() {
         tokio::join!(server.stream(&first, "first"), server.stream(&second, "second"));
     for (map, acks) in [("first", one), ("second", other)] {
         server.settled(map).await;
-        let snapshot = server.engine.map(map).expect("it is there").snapshot();
+        let snapshot = server.engine.map(map).expect("it is there").snapshot().await;
         assert_eq!(snapshot.keyframes.len(), acks.iter().filter(|ack| ack.keyframe).count());
         assert!(snapshot.keyframes.len() > 2, "too few keyframes to fill a queue");
         assert!(snapshot.keyframes.iter().all(|keyframe| keyframe.has_language), "{map}");

@@ -49,10 +49,10 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
         acks.iter().filter(|ack| ack.keyframe).map(|ack| ack.sequence as usize).collect();
     let things = visible(&robot, &keyframes);
     assert!(things.len() >= 5, "too little is visible to say anything: {things:?}");
-    let snapshot = |server: &Server, map| server.engine.map(map).expect("it is there").snapshot();
-    let said = snapshot(&server, "said");
+    let snapshot = async |map| server.engine.map(map).expect("it is there").snapshot().await;
+    let said = snapshot("said").await;
     let right = server.found(&robot, &said, &things).await.len();
-    let confused = server.found(&robot, &snapshot(&server, "confused"), &things).await.len();
+    let confused = server.found(&robot, &snapshot("confused").await, &things).await.len();
     println!("found {right} of {}, with exchanged words {confused}", things.len());
     assert!(right >= things.len() - 1, "{right} of {things:?}");
     assert!(confused <= things.len() / 4, "{confused} of {things:?}");

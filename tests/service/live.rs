@@ -120,7 +120,7 @@ fn room() -> (tempfile::TempDir, Vec<Isometry3<f64>>) {
 /// Compares the last frames of a map, since the first was sent several times before topics were chosen.
 /// Returns the worst distances from the truth, and from the frames before those as a negative control.
 fn compared(server: &Server, map: &str, truth: &[Isometry3<f64>]) -> [[f64; 2]; 2] {
-    let snapshot = server.engine.map(map).expect("it is there").snapshot();
+    let snapshot = server.engine.map(map).expect("it is there").snapshot().await;
     let path = &snapshot.trajectory;
     let is_whole = path.windows(2).all(|two| two[1].sequence == two[0].sequence + 1);
     assert!(is_whole, "{map}: no frame is missing and none is there twice");

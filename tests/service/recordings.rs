@@ -76,7 +76,7 @@ async fn map(
         assert!(summary.keyframes.len() > 1, "{map}: {summary:?}");
     }
     server.settled(map).await;
-    let snapshot = server.engine.map(map).expect("it is there").snapshot();
+    let snapshot = server.engine.map(map).expect("it is there").snapshot().await;
     snapshot.trajectory.iter().map(|frame| frame.world_from_camera).collect()
 }
 

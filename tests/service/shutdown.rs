@@ -52,5 +52,9 @@ async fn frames_in_hand_are_finished() {
     let status = map.status();
     assert_eq!(status.frames_tracked, status.frames_received, "what was received was mapped");
     assert_eq!(status.frames_tracked, acknowledged, "and acknowledged");
-    assert_eq!(map.snapshot().trajectory.len() as u64, acknowledged, "and is in the last snapshot");
+    assert_eq!(
+        map.snapshot().await.trajectory.len() as u64,
+        acknowledged,
+        "and is in the last snapshot"
+    );
 }

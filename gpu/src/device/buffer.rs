@@ -11,6 +11,9 @@ use bytemuck::Pod;
 use crate::device::error::GpuError;
 use crate::device::gpu::Gpu;
 
+/// Values that are read back at a time.
+const READ_VALUES: usize = 1 << 18;
+
 /// `len` values of `T` on the device; zero when new.
 pub struct Buffer<T> {
     raw: wgpu::Buffer,
@@ -77,9 +80,27 @@ impl<T: Pod> Buffer<T> {
     /// # Errors
     /// [`GpuError::DeviceLost`] when the device is gone.
     pub fn read(&self, gpu: &Gpu, len: usize) -> Result<Vec<T>, GpuError> {
+        let mut values = Vec::with_capacity(len);
+        self.read_some(gpu, len, READ_VALUES, |some| values.extend_from_slice(some))?;
+        Ok(values)
+    }
+
+    /// As [`Buffer::read`], at most `most` values at a time.
+    ///
+    /// # Errors
+    /// As [`Buffer::read`].
+    pub fn read_some(
+        &self,
+        gpu: &Gpu,
+        len: usize,
+        most: usize,
+        mut take: impl FnMut(&[T]),
+    ) -> Result<(), GpuError> {
         assert!(len <= self.len, "read beyond the end of a buffer");
-        let bytes = gpu.read_bytes(&[(&self.raw, (len * size_of::<T>()) as u64)])?;
-        Ok(bytemuck::pod_collect_to_vec(&bytes))
+        let bytes = |values: usize| (values * size_of::<T>()) as u64;
+        gpu.read_pieces(&[(&self.raw, bytes(len))], bytes(most), |piece| {
+            take(&bytemuck::pod_collect_to_vec(piece));
+        })
     }
 
     /// Most values that a buffer of this adapter can hold.

@@ -10,6 +10,9 @@ use crate::device::error::GpuError;
 use crate::device::profile::{KernelTime, Profile, Stamps, sum_by_kernel};
 use crate::device::tier::Tier;
 
+/// Bytes that are read back at a time. More would take memory twice: on its way, and where it arrives.
+const READ_BYTES: u64 = 8 << 20;
+
 /// A device and its queue. Clones share them.
 #[derive(Clone)]
 pub struct Gpu {
@@ -202,33 +205,63 @@ impl Gpu {
     /// Sizes are multiples of four.
     pub(crate) fn read_bytes(&self, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
         let total: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
+        let mut bytes = Vec::with_capacity(total as usize);
+        self.read_pieces(parts, READ_BYTES, |piece| bytes.extend_from_slice(piece))?;
+        Ok(bytes)
+    }
+
+    /// As [`Gpu::read_bytes`], a few pieces of at most `most` bytes at a time, a multiple of four: what is
+    /// read back passes through memory of that size.
+    pub(crate) fn read_pieces(
+        &self,
+        parts: &[(&wgpu::Buffer, u64)],
+        most: u64,
+        mut take: impl FnMut(&[u8]),
+    ) -> Result<(), GpuError> {
+        let total: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
         if total == 0 {
-            self.wait()?;
-            return Ok(Vec::new());
+            return self.wait();
         }
+        let staging = self.staging(total.min(most))?;
+        let pieces = parts.iter().flat_map(|(buffer, bytes)| {
+            let starts = (0..*bytes).step_by(most as usize);
+            starts.map(move |start| (*buffer, start, (bytes - start).min(most)))
+        });
+        let mut pieces = pieces.peekable();
+        while pieces.peek().is_some() {
+            let mut encoder = self.device().create_command_encoder(&Default::default());
+            let mut filled = 0;
+            while let Some((buffer, start, bytes)) =
+                pieces.next_if(|(_, _, bytes)| filled + bytes <= staging.size())
+            {
+                encoder.copy_buffer_to_buffer(buffer, start, &staging, filled, bytes);
+                filled += bytes;
+            }
+            let submission = self.queue().submit([encoder.finish()]);
+            staging.map_async(wgpu::MapMode::Read, ..filled, |_| ());
+            self.wait_for(submission)?;
+            let view = staging
+                .get_mapped_range(..filled)
+                .map_err(|error| GpuError::DeviceLost(format!("read-back failed: {error}")))?;
+            take(&view);
+            drop(view);
+            staging.unmap();
+        }
+        Ok(())
+    }
+
+    /// Memory through which is read back.
+    fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
         let descriptor = wgpu::BufferDescriptor {
             label: Some("read back"),
-            size: total,
+            size: bytes,
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         };
-        let staging = self.scoped(
+        self.scoped(
             |device| device.create_buffer(&descriptor),
-            |reason| GpuError::OutOfMemory { label: "read back".to_owned(), bytes: total, reason },
-        )?;
-        let mut encoder = self.device().create_command_encoder(&Default::default());
-        let mut offset = 0;
-        for (buffer, bytes) in parts.iter().filter(|(_, bytes)| *bytes > 0) {
-            encoder.copy_buffer_to_buffer(buffer, 0, &staging, offset, *bytes);
-            offset += bytes;
-        }
-        self.queue().submit([encoder.finish()]);
-        staging.map_async(wgpu::MapMode::Read, .., |_| ());
-        self.wait()?;
-        let view = staging
-            .get_mapped_range(..)
-            .map_err(|error| GpuError::DeviceLost(format!("read-back failed: {error}")))?;
-        Ok(view.to_vec())
+            |reason| GpuError::OutOfMemory { label: "read back".to_owned(), bytes, reason },
+        )
     }
 }
 

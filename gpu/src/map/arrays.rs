@@ -7,6 +7,8 @@ use crate::shader::layout::{Row, rows_for};
 
 /// Words of four bytes per row.
 const ROW_WORDS: usize = 4;
+/// Gaussians that are read back at a time.
+pub(super) const READ_GAUSSIANS: usize = 1 << 16;
 /// Rows of a head's geometry.
 const GEOMETRY_ROWS: usize = 2;
 
@@ -14,9 +16,9 @@ const GEOMETRY_ROWS: usize = 2;
 pub struct Parameters {
     /// Values.
     pub values: Buffer<Row>,
-    /// First moments of the gradient.
+    /// First moments of the gradient; empty in a map that is only drawn.
     pub first: Buffer<Row>,
-    /// Second moments of the gradient.
+    /// Second moments of the gradient, likewise.
     pub second: Buffer<Row>,
     /// Rows per Gaussian.
     pub rows: usize,
@@ -64,6 +66,23 @@ pub(super) struct Array<'a> {
     pub(super) buffer: &'a wgpu::Buffer,
     /// Words per Gaussian.
     pub(super) width: usize,
+}
+
+/// What the arrays of a map are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// Steps of the optimiser, which keeps moments.
+    Training,
+    /// Pictures alone.
+    Drawing,
+}
+
+/// Room for some Gaussians.
+#[derive(Clone, Copy)]
+pub(super) struct Room<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) capacity: usize,
+    pub(super) purpose: Purpose,
 }
 
 /// Makes arrays larger, one at a time. If one does not fit, those before it have more room than
@@ -127,13 +146,19 @@ impl Growth<'_> {
 }
 
 impl Parameters {
-    fn new(gpu: &Gpu, label: &str, capacity: usize, rows: usize) -> Result<Self, GpuError> {
+    fn new(room: Room<'_>, label: &str, rows: usize) -> Result<Self, GpuError> {
+        let Room { gpu, capacity, purpose } = room;
+        let moments = if purpose == Purpose::Training { rows * capacity } else { 0 };
         Ok(Self {
             values: Buffer::new(gpu, label, rows * capacity)?,
-            first: Buffer::new(gpu, label, rows * capacity)?,
-            second: Buffer::new(gpu, label, rows * capacity)?,
+            first: Buffer::new(gpu, label, moments)?,
+            second: Buffer::new(gpu, label, moments)?,
             rows,
         })
+    }
+
+    fn moments(&self) -> impl Iterator<Item = &Buffer<Row>> {
+        [&self.first, &self.second].into_iter().filter(|moments| !moments.is_empty())
     }
 
     /// Writes Gaussians from index `start` on, with moments of zero.
@@ -145,25 +170,28 @@ impl Parameters {
         values: &[Row],
     ) {
         self.values.write(gpu, start * self.rows, values);
-        for moments in [&self.first, &self.second] {
+        for moments in self.moments() {
             clear_rows(encoder, moments, start * self.rows, values.len());
         }
     }
 
     fn grow(&mut self, growth: &Growth<'_>, label: &str) -> Result<(), GpuError> {
-        for buffer in [&mut self.values, &mut self.first, &mut self.second] {
-            growth.grow(buffer, label, self.rows)?;
+        growth.grow(&mut self.values, label, self.rows)?;
+        for moments in [&mut self.first, &mut self.second] {
+            if !moments.is_empty() {
+                growth.grow(moments, label, self.rows)?;
+            }
         }
         Ok(())
     }
 }
 
 impl Head {
-    fn new(gpu: &Gpu, label: &str, capacity: usize, rows: usize) -> Result<Self, GpuError> {
+    fn new(room: Room<'_>, label: &str, rows: usize) -> Result<Self, GpuError> {
         Ok(Self {
-            geometry: Parameters::new(gpu, label, capacity, GEOMETRY_ROWS)?,
-            features: Parameters::new(gpu, label, capacity, rows)?,
-            steps: Buffer::new(gpu, label, capacity)?,
+            geometry: Parameters::new(room, label, GEOMETRY_ROWS)?,
+            features: Parameters::new(room, label, rows)?,
+            steps: Buffer::new(room.gpu, label, room.capacity)?,
         })
     }
 
@@ -185,8 +213,13 @@ impl Head {
         len: usize,
         channels: usize,
     ) -> Result<HostHead, GpuError> {
-        let geometry = self.geometry.values.read(gpu, 2 * len)?;
-        Ok(HostHead::from_rows(&geometry, self.read_features(gpu, len, channels)?, channels))
+        let mut head = HostHead::with_capacity(len, channels);
+        let rows = self.geometry.rows;
+        self.geometry.values.read_some(gpu, rows * len, rows * READ_GAUSSIANS, |geometry| {
+            head.extend_geometry(geometry);
+        })?;
+        head.features = self.read_features(gpu, len, channels)?;
+        Ok(head)
     }
 
     pub(super) fn read_features(
@@ -195,8 +228,12 @@ impl Head {
         len: usize,
         channels: usize,
     ) -> Result<Vec<f32>, GpuError> {
-        let rows = self.features.values.read(gpu, self.features.rows * len)?;
-        Ok(unpad_rows(&rows, channels))
+        let rows = self.features.rows;
+        let mut features = Vec::with_capacity(len * channels);
+        self.features.values.read_some(gpu, rows * len, rows * READ_GAUSSIANS, |rows| {
+            features.extend(unpad_rows(rows, channels));
+        })?;
+        Ok(features)
     }
 
     fn grow(&mut self, growth: &Growth<'_>, label: &str) -> Result<(), GpuError> {
@@ -225,11 +262,11 @@ impl Arrays {
         }
     }
 
-    pub(super) fn new(gpu: &Gpu, capacity: usize, channels: usize) -> Result<Self, GpuError> {
+    pub(super) fn new(room: Room<'_>, channels: usize) -> Result<Self, GpuError> {
         Ok(Self {
-            means: Parameters::new(gpu, "means", capacity, 1)?,
-            color: Head::new(gpu, "color head", capacity, 1)?,
-            language: Head::new(gpu, "language head", capacity, rows_for(channels))?,
+            means: Parameters::new(room, "means", 1)?,
+            color: Head::new(room, "color head", 1)?,
+            language: Head::new(room, "language head", rows_for(channels))?,
         })
     }
 
@@ -248,9 +285,7 @@ impl Arrays {
         for kind in kinds {
             let width = ROW_WORDS * kind.rows;
             arrays.push(Array { buffer: &kind.values, width });
-            for buffer in [&kind.first, &kind.second] {
-                arrays.push(Array { buffer, width });
-            }
+            arrays.extend(kind.moments().map(|buffer| Array { buffer: &**buffer, width }));
         }
         for buffer in [&color.steps, &language.steps] {
             arrays.push(Array { buffer, width: 1 });

@@ -8,7 +8,7 @@ use nalgebra::Isometry3;
 
 use crate::device::{Gpu, GpuError, expect_len, largest_binding};
 use crate::map::arrays;
-use crate::map::arrays::{Arrays, MapSlice};
+use crate::map::arrays::{Arrays, MapSlice, Purpose, READ_GAUSSIANS, Room};
 use crate::map::host::{HostGaussians, HostHead};
 use crate::map::motion;
 use crate::map::rows::pad_rows;
@@ -32,6 +32,7 @@ pub struct Gaussians {
     pub(super) channels: usize,
     /// Owner of the Gaussians that are appended next.
     pub(super) owner: u32,
+    purpose: Purpose,
     pub(super) arrays: Option<Arrays>,
     pub(super) tools: Option<Arc<Tools>>,
 }
@@ -39,9 +40,27 @@ pub struct Gaussians {
 impl Gaussians {
     /// An empty map whose language codes have `language_channels` values, 1 to [`MAX_CHANNELS`].
     pub fn new(gpu: &Gpu, language_channels: usize) -> Self {
+        Self::made_for(Purpose::Training, gpu, language_channels)
+    }
+
+    /// As [`Gaussians::new`], for pictures alone: without moments it takes a third of the memory, and a
+    /// trainer refuses it.
+    pub fn for_drawing(gpu: &Gpu, language_channels: usize) -> Self {
+        Self::made_for(Purpose::Drawing, gpu, language_channels)
+    }
+
+    fn made_for(purpose: Purpose, gpu: &Gpu, channels: usize) -> Self {
         let gpu = gpu.clone();
-        let channels = language_channels;
-        Self { gpu, len: 0, capacity: 0, channels, owner: 0, arrays: None, tools: None }
+        Self { gpu, len: 0, capacity: 0, channels, owner: 0, purpose, arrays: None, tools: None }
+    }
+
+    /// Returns an error for a map that is made for pictures alone.
+    pub(crate) fn check_trainable(&self) -> Result<(), GpuError> {
+        if self.purpose == Purpose::Training {
+            return Ok(());
+        }
+        let (what, expected) = ("map", "one that can be trained");
+        Err(GpuError::BadValue { what, expected, found: "one for drawing".to_owned() })
     }
 
     /// Number of Gaussians.
@@ -147,8 +166,11 @@ impl Gaussians {
     /// [`GpuError::DeviceLost`].
     pub fn read_means(&self) -> Result<Vec<[f32; 3]>, GpuError> {
         let Some(arrays) = &self.arrays else { return Ok(Vec::new()) };
-        let means = arrays.means.values.read(&self.gpu, self.len)?;
-        Ok(means.iter().map(|m| [m[0], m[1], m[2]]).collect())
+        let mut means = Vec::with_capacity(self.len);
+        arrays.means.values.read_some(&self.gpu, self.len, READ_GAUSSIANS, |rows| {
+            means.extend(rows.iter().map(|m| [m[0], m[1], m[2]]));
+        })?;
+        Ok(means)
     }
 
     /// Reads the language codes back, `len` x channels; a part of [`Gaussians::to_host`].
@@ -234,7 +256,10 @@ impl Gaussians {
             Some(arrays) => {
                 arrays.grow(&arrays::Growth { gpu: &self.gpu, len: self.len, capacity })?;
             }
-            None => self.arrays = Some(Arrays::new(&self.gpu, capacity, self.channels)?),
+            None => {
+                let room = Room { gpu: &self.gpu, capacity, purpose: self.purpose };
+                self.arrays = Some(Arrays::new(room, self.channels)?);
+            }
         }
         self.capacity = capacity;
         Ok(())

@@ -64,13 +64,27 @@ impl HostHead {
     }
 
     pub(crate) fn from_rows(geometry: &[Row], features: Vec<f32>, channels: usize) -> Self {
-        let shapes = || geometry.iter().skip(1).step_by(2);
+        let mut head = Self::with_capacity(geometry.len() / 2, channels);
+        head.extend_geometry(geometry);
+        Self { features, ..head }
+    }
+
+    /// No Gaussian, with room for the geometry of `len`.
+    pub(super) fn with_capacity(len: usize, channels: usize) -> Self {
         Self {
-            rotations: geometry.iter().step_by(2).copied().collect(),
-            log_scales: shapes().map(|s| [s[0], s[1], s[2]]).collect(),
-            opacity_logits: shapes().map(|s| s[3]).collect(),
-            features,
+            rotations: Vec::with_capacity(len),
+            log_scales: Vec::with_capacity(len),
+            opacity_logits: Vec::with_capacity(len),
+            features: Vec::new(),
             channels,
         }
+    }
+
+    /// Adds the geometry of some Gaussians, two rows each.
+    pub(super) fn extend_geometry(&mut self, geometry: &[Row]) {
+        let shapes = || geometry.iter().skip(1).step_by(2);
+        self.rotations.extend(geometry.iter().step_by(2));
+        self.log_scales.extend(shapes().map(|s| [s[0], s[1], s[2]]));
+        self.opacity_logits.extend(shapes().map(|s| s[3]));
     }
 }

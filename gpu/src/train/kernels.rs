@@ -14,6 +14,7 @@ use crate::train::loss::{Loss, LossBuffers, ScaleLoss};
 use crate::train::step::{
     COLOR_ROW, ISOTROPIC_ROW, LANGUAGE_ROW, POSE_ROW, RESULT_ROWS, StepJob, TIE_ROW,
 };
+use crate::train::targets_in_use::TargetsInUse;
 use crate::train::ties::{TieKernels, Ties};
 
 /// Loss, sums, optimiser and ties, with their scratch buffers.
@@ -27,6 +28,7 @@ pub(super) struct StepKernels {
     pub(super) ties: Ties,
     /// The results of the current step; see [`StepReport`](crate::train::StepReport).
     pub(super) results: Buffer<Row>,
+    targets: TargetsInUse,
     color: Option<HeadScratch>,
     language: Option<HeadScratch>,
 }
@@ -58,12 +60,13 @@ impl StepKernels {
             focus: FocusKernels::new(gpu)?,
             ties: Ties::default(),
             results: Buffer::new(gpu, "results", RESULT_ROWS)?,
+            targets: TargetsInUse::default(),
             color: None,
             language: None,
         })
     }
 
-    /// Makes room for a step.
+    /// Makes room for a step, and puts its color target on the device.
     pub(super) fn reserve(
         &mut self,
         gpu: &Gpu,
@@ -89,7 +92,11 @@ impl StepKernels {
                 });
             }
         }
-        Ok(())
+        let Some(target) = &job.color else { return Ok(()) };
+        if job.focus.is_some() {
+            target.reserve_tile_errors(gpu)?;
+        }
+        self.targets.bring(gpu, target)
     }
 
     /// Records which tiles the forward pass leaves out.

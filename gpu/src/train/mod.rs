@@ -6,6 +6,8 @@ mod kernels;
 pub mod loss;
 mod step;
 mod target;
+mod targets_in_use;
+mod texels;
 pub mod ties;
 mod trainer;
 

@@ -1,12 +1,12 @@
-//! Training targets on the device: the images that a rendered view is compared with. They are
-//! uploaded once per keyframe. Clones share the buffers.
+//! Training targets: the images that a rendered view is compared with. Clones share the buffers.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::device::{Buffer, Gpu, GpuError, expect_len};
-use crate::map::rows::{pad_rows, unpad_rows};
+use crate::map::rows::pad_rows;
 use crate::shader::Tiling;
 use crate::shader::layout::{HUGE, Row};
+use crate::train::texels::{Picture, Texel, Texels, is_measured, texels};
 
 /// Color and depth of one view.
 #[derive(Clone)]
@@ -17,13 +17,11 @@ pub struct ColorTarget {
 pub(crate) struct ColorInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// r, g, b and whether there is a color (255), a byte each; then the depth's bits, metres, -1
-    /// for none.
-    pub(crate) texels: Buffer<[u32; 2]>,
+    pub(crate) texels: Texels,
     pub(crate) color_pixels: usize,
     pub(crate) depth_pixels: usize,
-    /// Error of each tile when a step last drew it; HUGE before.
-    pub(crate) errors: Buffer<f32>,
+    /// Error of each tile when a step with a focus last drew it; HUGE before.
+    errors: OnceLock<Buffer<f32>>,
 }
 
 /// Language codes of one view, at label resolution.
@@ -36,7 +34,8 @@ pub(crate) struct LanguageInner {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) channels: usize,
-    pub(crate) rows: Buffer<Row>,
+    /// `None` if the codes are not on the device.
+    pub(crate) rows: Option<Buffer<Row>>,
 }
 
 impl ColorTarget {
@@ -68,28 +67,37 @@ impl ColorTarget {
         depth_metres: &[f32],
         valid: impl Fn(usize) -> bool,
     ) -> Result<Self, GpuError> {
-        let pixels = width as usize * height as usize;
-        expect_len("rgb8", 3 * pixels, rgb8.len())?;
-        expect_len("depth_metres", pixels, depth_metres.len())?;
-        let is_measured = |depth: f32| depth > 0.0 && depth.is_finite();
-        let texels: Vec<[u32; 2]> = (0..pixels)
-            .map(|pixel| {
-                let [r, g, b] = [0, 1, 2].map(|channel| rgb8[3 * pixel + channel]);
-                let color = if valid(pixel) { [r, g, b, u8::MAX] } else { [0; 4] };
-                let depth = depth_metres[pixel];
-                let depth = if is_measured(depth) { depth } else { -1.0 };
-                [u32::from_le_bytes(color), depth.to_bits()]
-            })
-            .collect();
-        let [columns, rows] = Tiling::of(gpu.tier()).tiles([width, height]);
-        let tiles = columns as usize * rows as usize;
+        check_sizes(width, height, rgb8, depth_metres)?;
+        let texels = texels(rgb8, depth_metres, valid);
         let inner = ColorInner {
             width,
             height,
             color_pixels: texels.iter().filter(|[color, _]| *color != 0).count(),
-            depth_pixels: depth_metres.iter().filter(|depth| is_measured(**depth)).count(),
-            texels: Buffer::from_slice(gpu, "color target", &texels)?,
-            errors: Buffer::from_slice(gpu, "tile errors", &vec![HUGE; tiles])?,
+            depth_pixels: count_measured(depth_metres),
+            texels: Texels::resident(gpu, &texels)?,
+            errors: OnceLock::new(),
+        };
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// As [`ColorTarget::new`], but the view is on the device only while a trainer takes steps on it.
+    ///
+    /// # Errors
+    /// [`GpuError::ShapeMismatch`].
+    pub fn of_picture(
+        width: u32,
+        height: u32,
+        rgb8: Arc<[u8]>,
+        depth_metres: Arc<[f32]>,
+    ) -> Result<Self, GpuError> {
+        check_sizes(width, height, &rgb8, &depth_metres)?;
+        let inner = ColorInner {
+            width,
+            height,
+            color_pixels: depth_metres.len(),
+            depth_pixels: count_measured(&depth_metres),
+            texels: Texels::of_picture(Picture { rgb8, depth_metres }),
+            errors: OnceLock::new(),
         };
         Ok(Self { inner: Arc::new(inner) })
     }
@@ -99,26 +107,58 @@ impl ColorTarget {
         [self.inner.width, self.inner.height]
     }
 
-    /// Bytes on the device.
+    /// Bytes on the device, while the view is there.
     pub fn device_bytes(&self) -> u64 {
-        self.inner.texels.size() + self.inner.errors.size()
+        let pixels = u64::from(self.inner.width) * u64::from(self.inner.height);
+        pixels * size_of::<Texel>() as u64
+    }
+
+    /// Whether this is the same target as another.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.inner, &other.inner)
     }
 
     /// What steps with a [`Focus`](crate::Focus) know of this view: the error of each tile, for
-    /// [`ColorTarget::set_tile_errors`] of the same picture on the same adapter.
+    /// [`ColorTarget::set_tile_errors`] of the same picture. Empty before the first such step.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
     pub fn tile_errors(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
-        self.inner.errors.read(gpu, self.inner.errors.len())
+        self.inner.errors.get().map_or(Ok(Vec::new()), |errors| errors.read(gpu, errors.len()))
     }
 
-    /// Makes steps go on with the errors that [`ColorTarget::tile_errors`] read. Those of an adapter with
-    /// other tiles are ignored: the next step measures all tiles.
-    pub fn set_tile_errors(&self, gpu: &Gpu, errors: &[f32]) {
-        if errors.len() == self.inner.errors.len() {
-            self.inner.errors.write(gpu, 0, errors);
+    /// Makes steps go on with the errors that [`ColorTarget::tile_errors`] read, before the first step.
+    /// Those of an adapter with other tiles are ignored: the next step measures all tiles.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn set_tile_errors(&self, gpu: &Gpu, errors: &[f32]) -> Result<(), GpuError> {
+        if errors.len() == self.tiles(gpu) {
+            let errors = Buffer::from_slice(gpu, "tile errors", errors)?;
+            let _already_there = self.inner.errors.set(errors);
         }
+        Ok(())
+    }
+
+    /// Makes room for the errors of tiles.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub(crate) fn reserve_tile_errors(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        if self.inner.errors.get().is_none() {
+            self.set_tile_errors(gpu, &vec![HUGE; self.tiles(gpu)])?;
+        }
+        Ok(())
+    }
+
+    fn tiles(&self, gpu: &Gpu) -> usize {
+        let [columns, rows] = Tiling::of(gpu.tier()).tiles(self.size());
+        columns as usize * rows as usize
+    }
+
+    /// Error of each tile. Needs [`ColorTarget::reserve_tile_errors`].
+    pub(crate) fn errors(&self) -> &Buffer<f32> {
+        self.inner.errors.get().expect("reserved for the step")
     }
 
     pub(crate) fn inner(&self) -> &ColorInner {
@@ -146,8 +186,18 @@ impl LanguageTarget {
             return Err(GpuError::BadValue { what: "codes", expected: "finite numbers", found });
         }
         let rows = pad_rows(codes, channels);
-        let rows = Buffer::from_slice(gpu, "language target", &rows)?;
+        let rows = Some(Buffer::from_slice(gpu, "language target", &rows)?);
         Ok(Self { inner: Arc::new(LanguageInner { width, height, channels, rows }) })
+    }
+
+    /// The place of a code map that is not on the device. It has codes of no channels, so a step on it is refused.
+    pub fn absent(width: u32, height: u32) -> Self {
+        Self { inner: Arc::new(LanguageInner { width, height, channels: 0, rows: None }) }
+    }
+
+    /// Whether the codes are on the device.
+    pub fn is_on_device(&self) -> bool {
+        self.inner.rows.is_some()
     }
 
     /// Width and height, in pixels.
@@ -155,21 +205,17 @@ impl LanguageTarget {
         [self.inner.width, self.inner.height]
     }
 
-    /// Bytes on the device.
-    pub fn device_bytes(&self) -> u64 {
-        self.inner.rows.size()
-    }
-
-    /// Reads the codes back, height x width x channels.
-    ///
-    /// # Errors
-    /// [`GpuError::DeviceLost`].
-    pub fn read(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
-        let rows = self.inner.rows.read(gpu, self.inner.rows.len())?;
-        Ok(unpad_rows(&rows, self.inner.channels))
-    }
-
     pub(crate) fn inner(&self) -> &LanguageInner {
         &self.inner
     }
+}
+
+fn check_sizes(width: u32, height: u32, rgb8: &[u8], depth_metres: &[f32]) -> Result<(), GpuError> {
+    let pixels = width as usize * height as usize;
+    expect_len("rgb8", 3 * pixels, rgb8.len())?;
+    expect_len("depth_metres", pixels, depth_metres.len())
+}
+
+fn count_measured(depth_metres: &[f32]) -> usize {
+    depth_metres.iter().filter(|depth| is_measured(**depth)).count()
 }

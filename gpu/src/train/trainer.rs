@@ -168,6 +168,7 @@ impl Trainer {
     fn check(&self, gaussians: &Gaussians, view: &TrainingView<'_>) -> Result<(), GpuError> {
         let channels = self.renderer.channels();
         expect_len("language_channels", channels, gaussians.language_channels())?;
+        gaussians.check_trainable()?;
         view.check(channels)
     }
 

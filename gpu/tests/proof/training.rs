@@ -343,3 +343,45 @@ fn a_step_that_overflows_is_taken_again() {
     shorter.settle(&mut gaussians).expect("settles");
     assert_ne!(gaussians.to_host().expect("reads"), wanted.1, "fewer steps show");
 }
+
+/// Views that are too large to be on the device together are made again for each step, in buffers of others.
+#[test]
+fn targets_that_come_and_go_train_as_those_that_stay() {
+    let gpu = support::gpu();
+    let scene = disturbed(&support::scene(7, 60, 15, 0.12));
+    let camera = support::camera(1200, 900);
+    let pixels = camera.pixels();
+    let pictures: Vec<(Vec<u8>, Vec<f32>)> = [10u8, 90, 170]
+        .into_iter()
+        .map(|base| {
+            let rgb = (0..3 * pixels).map(|at| base + (at % 71) as u8).collect();
+            (rgb, (0..pixels).map(|at| (at % 5) as f32 * f32::from(base) * 0.01).collect())
+        })
+        .collect();
+    let stays = |(rgb, depth): &(Vec<u8>, Vec<f32>)| {
+        ColorTarget::new(&gpu, 1200, 900, rgb, depth).expect("fits")
+    };
+    let comes = |(rgb, depth): &(Vec<u8>, Vec<f32>)| {
+        ColorTarget::of_picture(1200, 900, rgb[..].into(), depth[..].into()).expect("fits")
+    };
+    let trained = |targets: &[ColorTarget], order: [usize; 5]| {
+        let mut trainer = Trainer::new(&gpu, 15).expect("compiles");
+        let mut map = map(&gpu, &scene);
+        for at in order {
+            let color = Some(&targets[at]);
+            let view = TrainingView { camera: &camera, color, language: None, exposure: [0.0; 2] };
+            trainer.step(&mut map, &view, &DATA, &LearningRates::default()).expect("steps");
+        }
+        trainer.settle(&mut map).expect("takes them");
+        map.to_host().expect("reads")
+    };
+    let all = |make: &dyn Fn(&(Vec<u8>, Vec<f32>)) -> ColorTarget| {
+        pictures.iter().map(make).collect::<Vec<_>>()
+    };
+    let (staying, coming) = (all(&stays), all(&comes));
+    let wanted = trained(&staying, [0, 1, 2, 0, 1]);
+    assert!(trained(&coming, [0, 1, 2, 0, 1]) == wanted, "bit for bit");
+    assert!(trained(&coming, [0, 1, 2, 0, 1]) == wanted, "with another trainer too");
+    assert!(trained(&coming, [0, 1, 2, 0, 2]) != wanted, "negative control: another last view");
+    assert!(ColorTarget::of_picture(2, 1, [0; 6][..].into(), [0.0][..].into()).is_err());
+}

@@ -79,7 +79,7 @@ pub(super) async fn delete(
     ),
 )]
 pub(super) async fn frames(NamedMap(map): NamedMap) -> Json<Frames> {
-    let snapshot = map.snapshot();
+    let snapshot = map.snapshot().await;
     Json(Frames {
         map: map.name().into(),
         revision: snapshot.revision,

@@ -69,7 +69,7 @@ impl FocusKernels {
         left_out: &Buffer<u32>,
     ) {
         let arguments = self.arguments(target, focus);
-        let errors = &target.inner().errors;
+        let errors = target.errors();
         recorder.dispatch(&self.total, &arguments, &[errors, &self.sum], 1);
         let buffers: [&wgpu::Buffer; 3] = [errors, &self.sum, left_out];
         recorder.dispatch_threads(&self.choose, &arguments, &buffers, errors.len());
@@ -86,14 +86,14 @@ impl FocusKernels {
     ) {
         let arguments =
             self.arguments(target, Focus { mean_share: 1.0, least_share: 1.0, turn: 0 });
-        let errors = &target.inner().errors;
+        let errors = target.errors();
         let buffers: [&wgpu::Buffer; 3] = [terms, left_out, errors];
         recorder.dispatch_threads(&self.measure, &arguments, &buffers, errors.len());
     }
 
     fn arguments(&self, target: &ColorTarget, focus: Focus) -> FocusArguments {
         FocusArguments {
-            tiles: target.inner().errors.len() as u32,
+            tiles: target.errors().len() as u32,
             mean_share: focus.mean_share,
             least_share: focus.least_share,
             turn: focus.turn,

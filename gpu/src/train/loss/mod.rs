@@ -161,9 +161,10 @@ impl Loss {
     ) {
         let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
+        let texels = target.texels.buffer().expect("the view was put on the device for the step");
         let size = [target.width, target.height];
         let arguments = LossArguments {
-            count: target.texels.len() as u32,
+            count: texels.len() as u32,
             rows: 1,
             first: share(weights.color, 3 * target.color_pixels),
             second: share(weights.depth, target.depth_pixels),
@@ -171,7 +172,7 @@ impl Loss {
             size,
             tiles: self.tiling.tiles(size),
         };
-        let buffers: [&wgpu::Buffer; 5] = [image, &target.texels, left_out, gradients, terms];
+        let buffers: [&wgpu::Buffer; 5] = [image, &texels, left_out, gradients, terms];
         recorder.dispatch_threads(&self.color, &arguments, &buffers, self.color_terms(size));
     }
 
@@ -186,13 +187,14 @@ impl Loss {
         let LossBuffers { image, gradients, terms } = buffers;
         let target = target.inner();
         let pixels = target.width as usize * target.height as usize;
+        let rows = target.rows.as_ref().expect("a step without codes is refused");
         let arguments = LossArguments {
             count: pixels as u32,
-            rows: target.rows.len().checked_div(pixels).unwrap_or(0) as u32,
+            rows: rows.len().checked_div(pixels).unwrap_or(0) as u32,
             first: share(weights.language, pixels * target.channels),
             ..LossArguments::default()
         };
-        let buffers: [&wgpu::Buffer; 4] = [image, &target.rows, gradients, terms];
+        let buffers: [&wgpu::Buffer; 4] = [image, rows, gradients, terms];
         recorder.dispatch_threads(&self.language, &arguments, &buffers, pixels);
     }
 

@@ -4,8 +4,8 @@ use super::{CHANNELS, LENGTHS, MIN_OPACITY, map, mark, pick};
 use crate::support;
 
 use lexsplat_gpu::{
-    Camera, ColorTarget, Gaussians, Gpu, GpuError, HostGaussians, LanguageTarget, LearningRates,
-    LossWeights, Renderer, SavedGaussians, Trainer, TrainingView,
+    Buffer, Camera, ColorTarget, Gaussians, Gpu, GpuError, HostGaussians, LanguageTarget,
+    LearningRates, LossWeights, Renderer, SavedGaussians, Trainer, TrainingView,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -161,4 +161,50 @@ fn a_map_that_became_empty_can_do_everything() {
     assert!(map.is_empty() && map.read_means().expect("reads").is_empty());
     map.append(&host).expect("fits");
     assert!(map.to_host().expect("reads") == host);
+}
+
+#[test]
+fn a_map_for_drawing_draws_the_same_in_a_third_of_the_memory() {
+    let gpu = support::gpu();
+    let host = support::scene(18, 5000, CHANNELS, 0.05);
+    let trainable = map(&gpu, &host);
+    let mut drawn = Gaussians::for_drawing(&gpu, CHANNELS);
+    for part in [0..2500, 2500..5000] {
+        drawn.append(&pick(&host, &part.collect::<Vec<u32>>())).expect("grows");
+    }
+    assert!(drawn.to_host().expect("reads") == host);
+    let bytes = [&drawn, &trainable].map(Gaussians::device_bytes);
+    // The capacity of a map that grows may be half as much again.
+    assert!(2 * bytes[0] < bytes[1], "{bytes:?}");
+    let camera = support::camera(67, 45);
+    let mut renderer = Renderer::new(&gpu, CHANNELS).expect("compiles");
+    let mut picture = |map| renderer.render_color(map, &camera).expect("renders").rgb;
+    assert!(picture(&drawn) == picture(&trainable), "bit for bit");
+    let (camera, color, _) = targets(&gpu, &host);
+    let view =
+        TrainingView { camera: &camera, color: Some(&color), language: None, exposure: [0.0; 2] };
+    let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
+    let (weights, rates) = (LossWeights::default(), LearningRates::default());
+    assert!(trainer.step(&mut drawn, &view, &weights, &rates).is_err(), "it has no moments");
+}
+
+#[test]
+fn a_large_map_is_read_back_in_pieces() {
+    let gpu = support::gpu();
+    let host = support::scene(19, 150_000, CHANNELS, 0.01);
+    let map = map(&gpu, &host);
+    assert!(map.to_host().expect("reads") == host);
+    let saved = SavedGaussians::of(&map).expect("reads");
+    let again = saved.upload(&gpu).expect("fits");
+    assert!(again.to_host().expect("reads") == host);
+    let mut sizes = Vec::new();
+    let values: Vec<u32> = (0..1000).collect();
+    let buffer = Buffer::from_slice(&gpu, "values", &values).expect("fits");
+    let mut read = Vec::new();
+    let take = |some: &[u32]| {
+        sizes.push(some.len());
+        read.extend_from_slice(some);
+    };
+    buffer.read_some(&gpu, 999, 300, take).expect("reads");
+    assert_eq!((read.as_slice(), sizes), (&values[..999], vec![300, 300, 300, 99]));
 }

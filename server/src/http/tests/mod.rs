@@ -132,7 +132,7 @@ async fn mapped(name: &str) -> Arc<crate::pipeline::map::Map> {
     let guard = map.claim().unwrap();
     guard.map().submit(wall()).await.unwrap().await.unwrap();
     let started = Instant::now();
-    while !(map.status().settled && map.snapshot().keyframes.len() == 1) {
+    while !(map.status().settled && map.snapshot().await.keyframes.len() == 1) {
         assert!(started.elapsed() < PATIENCE, "{:?}", map.status());
         tokio::time::sleep(Duration::from_millis(50)).await;
     }

@@ -121,7 +121,7 @@ impl Site {
 
     fn keyframe(&self, frame: &Frame, tracked: &TrackedPose) -> Keyframe {
         let widths = KeyframeWidths { training: 160, tracking: 160 };
-        Keyframe::new(&self.gpu, frame, tracked, widths).expect("there is room")
+        Keyframe::new(frame, tracked, widths).expect("there is room")
     }
 
     fn parts(&mut self) -> (MapParts<'_>, &mut Closure) {

@@ -9,7 +9,7 @@ use super::super::pose_adam::PoseAdam;
 use super::super::up::Facet;
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
-use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError};
+use lexsplat_gpu::{Camera, ColorTarget, GpuError};
 use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub(in super::super) struct Keyframe {
     /// Color and depth at the training resolution (`mapper.train_width`). Thin gaps in depth are closed,
     /// here and in `tracking`.
     pub training: DownsampledFrame,
-    /// The training image on the device.
+    /// The training image, for steps on it.
     pub target: ColorTarget,
     /// Color and depth at the tracker's resolution (`tracker.width`). Its pose is not kept up to date.
     pub tracking: DownsampledFrame,
@@ -62,12 +62,11 @@ pub(in super::super) struct KeyframeWidths {
 }
 
 impl Keyframe {
-    /// Makes a keyframe of a tracked frame and uploads its training image.
+    /// Makes a keyframe of a tracked frame.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`] if the device has no room for the image, [`GpuError::DeviceLost`].
+    /// [`GpuError::ShapeMismatch`] if the frame has more or fewer pixels than its size says.
     pub fn new(
-        gpu: &Gpu,
         frame: &Frame,
         tracked: &TrackedPose,
         widths: KeyframeWidths,
@@ -76,9 +75,9 @@ impl Keyframe {
         let resized =
             |width| depth_gaps::closed(&DownsampledFrame::new(frame, pose, width)).into_owned();
         let training = resized(widths.training);
-        let Camera { width, height, .. } = training.camera;
-        let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
-        let is_same_size = DownsampledFrame::columns(frame, widths.tracking) == width;
+        let target = color_target(&training)?;
+        let is_same_size =
+            DownsampledFrame::columns(frame, widths.tracking) == training.camera.width;
         let tracking = if is_same_size { training.clone() } else { resized(widths.tracking) };
         Ok(Self {
             frame: TrackedFrame::new(frame, tracked),
@@ -100,8 +99,8 @@ impl Keyframe {
         })
     }
 
-    /// Memory of its images and codes, on the host and on the device. Images that share their pixels
-    /// count once.
+    /// Memory of its images and codes. Images that share their pixels count once. What steps need on the
+    /// device does not count: it is there for the keyframes that were used last.
     pub fn bytes(&self) -> u64 {
         let mut images: Vec<(usize, usize)> = Vec::new();
         let rgb = [&self.rgb, &self.training.rgb, &self.tracking.rgb];
@@ -112,7 +111,7 @@ impl Keyframe {
         images.dedup();
         let host: usize = images.iter().map(|(_, bytes)| bytes).sum();
         let language = self.language.as_ref().map_or(0, KeyframeLanguage::bytes);
-        (host + self.features.bytes()) as u64 + self.target.device_bytes() + language
+        (host + self.features.bytes()) as u64 + language
     }
 
     /// Sets the pose everywhere it is kept.
@@ -156,6 +155,12 @@ impl Keyframe {
         let inside = self.overlap_points.iter().filter(is_inside).count();
         inside as f64 / self.overlap_points.len().max(1) as f64
     }
+}
+
+/// A target that is on the device for the steps on it, and shares the picture's pixels.
+pub(super) fn color_target(image: &DownsampledFrame) -> Result<ColorTarget, GpuError> {
+    let Camera { width, height, .. } = image.camera;
+    ColorTarget::of_picture(width, height, image.rgb.clone(), image.depth_metres.clone())
 }
 
 /// About [`OVERLAP_POINTS`] measured points in the camera's own coordinates.

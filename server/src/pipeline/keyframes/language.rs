@@ -1,7 +1,7 @@
-//! The language of a keyframe: its 32-D codes, and the training target that is derived from them.
+//! The language of a keyframe: its 32-D codes, and the training target that is made of them when it is used.
 //!
 //! The 32-D codes of the generic compressor are kept as the truth. The 15-D target belongs to one version
-//! of the online stage and is derived again when that version has advanced (paper §4.2).
+//! of the online stage (paper §4.2). It is on the device for some steps only; made again it is the same.
 
 use super::super::compressor::OnlineStage;
 use super::super::encoder::LanguageMap;
@@ -12,7 +12,7 @@ use lexsplat_gpu::{Camera, Gpu, GpuError, LanguageTarget};
 pub(in super::super) struct KeyframeLanguage {
     /// The keyframe's camera at the resolution of the codes.
     pub camera: Camera,
-    /// `[height * width * 15]` on the device, see [`KeyframeLanguage::refresh_target`].
+    /// `[height * width * 15]`, on the device or not; see [`KeyframeLanguage::refresh_target`].
     pub target: LanguageTarget,
     /// `[height * width * 32]`, row-major. Half precision changes a unit code by less than 0.0005.
     pub(super) codes: Vec<f16>,
@@ -21,43 +21,39 @@ pub(in super::super) struct KeyframeLanguage {
 }
 
 impl KeyframeLanguage {
-    /// Keeps a language map. `online_codes`: the map encoded by `online`, `[height * width * 15]`.
+    /// Keeps a language map.
+    pub fn new(map: &LanguageMap, camera: Camera) -> Self {
+        Self::of_codes(camera, map.codes.iter().copied().map(f16::from_f32).collect())
+    }
+
+    /// Codes `[height * width * 32]` of a camera of this size.
+    pub(super) fn of_codes(camera: Camera, codes: Vec<f16>) -> Self {
+        let target = LanguageTarget::absent(camera.width, camera.height);
+        Self { camera, target, codes, version: 0 }
+    }
+
+    /// Makes the target if it is not on the device or the online stage has advanced since.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn new(
-        gpu: &Gpu,
-        map: &LanguageMap,
-        camera: Camera,
-        online_codes: &[f32],
-        online: &dyn OnlineStage,
-    ) -> Result<Self, GpuError> {
-        let channels = online.code_size();
-        Ok(Self {
-            camera,
-            target: LanguageTarget::new(gpu, map.width, map.height, channels, online_codes)?,
-            codes: map.codes.iter().copied().map(f16::from_f32).collect(),
-            version: online.version(),
-        })
-    }
-
-    /// Encodes the target again if the online stage has advanced since.
-    ///
-    /// # Errors
-    /// As [`KeyframeLanguage::new`].
     pub fn refresh_target(&mut self, gpu: &Gpu, online: &dyn OnlineStage) -> Result<(), GpuError> {
-        if self.version != online.version() {
+        if !self.target.is_on_device() || self.version != online.version() {
             let generic: Vec<f32> = self.codes.iter().copied().map(f16::to_f32).collect();
             let codes = online.encode(&generic);
-            let [width, height] = self.target.size();
+            let (width, height) = (self.camera.width, self.camera.height);
             self.target = LanguageTarget::new(gpu, width, height, online.code_size(), &codes)?;
             self.version = online.version();
         }
         Ok(())
     }
 
-    /// Memory on the host and on the device.
+    /// Takes the target from the device.
+    pub(super) fn release_target(&mut self) {
+        self.target = LanguageTarget::absent(self.camera.width, self.camera.height);
+    }
+
+    /// Memory of the codes, bytes.
     pub fn bytes(&self) -> u64 {
-        size_of_val(&self.codes[..]) as u64 + self.target.device_bytes()
+        size_of_val(&self.codes[..]) as u64
     }
 }

@@ -22,7 +22,10 @@ use super::features::Features;
 use super::frame::TrackedFrame;
 use lexsplat_gpu::Camera;
 use nalgebra::Isometry3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
+
+/// Language targets that stay on the device after their steps.
+const LANGUAGE_TARGETS: usize = 8;
 
 /// All keyframes of a map, oldest first.
 #[derive(Default)]
@@ -30,12 +33,14 @@ pub(super) struct KeyframeStore {
     keyframes: Vec<Keyframe>,
     /// Poses of forgotten keyframes, by sequence number.
     forgotten: BTreeMap<u64, TrackedFrame>,
+    /// Keyframes whose language target is on the device, in the order in which it was put there.
+    language_targets: VecDeque<u64>,
 }
 
 impl KeyframeStore {
     /// A store with these keyframes, and the poses of those that were forgotten.
     pub fn restored(keyframes: Vec<Keyframe>, forgotten: BTreeMap<u64, TrackedFrame>) -> Self {
-        Self { keyframes, forgotten }
+        Self { keyframes, forgotten, language_targets: VecDeque::new() }
     }
 
     /// Poses of forgotten keyframes, by sequence number.
@@ -91,7 +96,25 @@ impl KeyframeStore {
         }
     }
 
-    /// Memory of all keyframes, on the host and on the device, bytes.
+    /// Takes language targets from the device that were put there longest ago; a few stay.
+    pub fn release_targets(&mut self) {
+        for keyframe in &self.keyframes {
+            let sequence = keyframe.frame.sequence;
+            let is_there = keyframe.language.as_ref().is_some_and(|one| one.target.is_on_device());
+            if is_there && !self.language_targets.contains(&sequence) {
+                self.language_targets.push_back(sequence);
+            }
+        }
+        while self.language_targets.len() > LANGUAGE_TARGETS {
+            let oldest = self.language_targets.pop_front();
+            let oldest = oldest.and_then(|sequence| self.find_mut(sequence));
+            if let Some(language) = oldest.and_then(|keyframe| keyframe.language.as_mut()) {
+                language.release_target();
+            }
+        }
+    }
+
+    /// Memory of all keyframes, bytes.
     pub fn bytes(&self) -> u64 {
         self.keyframes.iter().map(Keyframe::bytes).sum()
     }

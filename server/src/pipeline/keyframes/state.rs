@@ -1,17 +1,18 @@
 //! A keyframe in host memory alone, to be kept and made again as it was.
 
+use super::super::compressor::GENERIC_SIZE;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::features::Features;
 use super::super::frame::{Intrinsics, TrackedFrame};
 use super::super::pose_adam::PoseAdam;
 use super::super::saving::{CameraFields, packed};
 use super::super::up::Facet;
-use super::keyframe::Keyframe;
+use super::keyframe::{Keyframe, color_target};
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
-use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError, LanguageTarget};
+use lexsplat_gpu::{Camera, Gpu, GpuError};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -56,14 +57,9 @@ struct Depth(#[serde(with = "packed")] Arc<[f32]>);
 struct LanguageState {
     #[serde(with = "CameraFields")]
     camera: Camera,
-    size: [u32; 2],
-    /// The training target. It cannot be made from the codes, which were rounded later.
-    #[serde(with = "packed")]
-    target: Vec<f32>,
     /// The bits of the half-precision codes.
     #[serde(with = "packed")]
     codes: Vec<u16>,
-    version: u64,
 }
 
 impl KeyframeState {
@@ -75,7 +71,6 @@ impl KeyframeState {
         let (training, tracking) = (&keyframe.training, &keyframe.tracking);
         let (rgb, rgb_of) = distinct([&keyframe.rgb, &training.rgb, &tracking.rgb]);
         let (depths, depth_of) = distinct([&training.depth_metres, &tracking.depth_metres]);
-        let language = keyframe.language.as_ref();
         Ok(Self {
             frame: keyframe.frame,
             intrinsics: keyframe.intrinsics,
@@ -93,16 +88,16 @@ impl KeyframeState {
             pose_adam: keyframe.pose_adam.clone(),
             steps: keyframe.steps,
             tile_errors: keyframe.target.tile_errors(gpu)?,
-            language: language.map(|language| LanguageState::of(language, gpu)).transpose()?,
+            language: keyframe.language.as_ref().map(LanguageState::of),
             overlap_points: keyframe.overlap_points.clone(),
         })
     }
 
-    /// Makes the keyframe, and uploads what it has on the device.
+    /// Makes the keyframe.
     ///
     /// # Errors
     /// [`GpuError::ShapeMismatch`] if sizes do not fit together, [`GpuError::OutOfMemory`].
-    pub fn keyframe(self, gpu: &Gpu, channels: usize) -> Result<Keyframe, GpuError> {
+    pub fn keyframe(self, gpu: &Gpu) -> Result<Keyframe, GpuError> {
         let missing = || GpuError::ShapeMismatch { what: "pictures", expected: 1, found: 0 };
         let rgb = |of: usize| self.rgb.get(of).map(|rgb| rgb.0.clone()).ok_or_else(missing);
         let depth = |of: usize| self.depths.get(of).map(|one| one.0.clone()).ok_or_else(missing);
@@ -117,9 +112,8 @@ impl KeyframeState {
             rgb: rgb(tracking)?,
             depth_metres: depth(self.depth_of[1])?,
         };
-        let Camera { width, height, .. } = training.camera;
-        let target = ColorTarget::new(gpu, width, height, &training.rgb, &training.depth_metres)?;
-        target.set_tile_errors(gpu, &self.tile_errors);
+        let target = color_target(&training)?;
+        target.set_tile_errors(gpu, &self.tile_errors)?;
         Ok(Keyframe {
             frame: self.frame,
             intrinsics: self.intrinsics,
@@ -135,31 +129,25 @@ impl KeyframeState {
             is_connected: self.is_connected,
             pose_adam: self.pose_adam,
             steps: self.steps,
-            language: self.language.map(|state| state.language(gpu, channels)).transpose()?,
+            language: self.language.map(LanguageState::language).transpose()?,
             overlap_points: self.overlap_points,
         })
     }
 }
 
 impl LanguageState {
-    fn of(language: &KeyframeLanguage, gpu: &Gpu) -> Result<Self, GpuError> {
-        Ok(Self {
-            camera: language.camera.clone(),
-            size: language.target.size(),
-            target: language.target.read(gpu)?,
-            codes: language.codes.reinterpret_cast().to_vec(),
-            version: language.version,
-        })
+    fn of(language: &KeyframeLanguage) -> Self {
+        Self { camera: language.camera.clone(), codes: language.codes.reinterpret_cast().to_vec() }
     }
 
-    fn language(self, gpu: &Gpu, channels: usize) -> Result<KeyframeLanguage, GpuError> {
-        let [width, height] = self.size;
-        Ok(KeyframeLanguage {
-            camera: self.camera,
-            target: LanguageTarget::new(gpu, width, height, channels, &self.target)?,
-            codes: self.codes.into_iter().map(f16::from_bits).collect(),
-            version: self.version,
-        })
+    fn language(self) -> Result<KeyframeLanguage, GpuError> {
+        let codes = self.codes.into_iter().map(f16::from_bits).collect();
+        let language = KeyframeLanguage::of_codes(self.camera, codes);
+        let [expected, found] = [language.camera.pixels() * GENERIC_SIZE, language.codes.len()];
+        if expected != found {
+            return Err(GpuError::ShapeMismatch { what: "codes", expected, found });
+        }
+        Ok(language)
     }
 }
 

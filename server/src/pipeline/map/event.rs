@@ -19,7 +19,7 @@ pub enum MapEvent {
         /// What is wrong.
         warning: InputWarning,
     },
-    /// Readers have a new snapshot.
+    /// The map has changed: readers can have a new snapshot.
     Revision {
         /// Its revision.
         revision: u64,
@@ -58,6 +58,8 @@ pub(in super::super) enum Message {
     },
     /// The language thread's queue has room again.
     LanguageRoom,
+    /// A reader wants a copy of the map as it is.
+    CopyWanted,
     /// The whole state is wanted, as soon as the map can be continued from it exactly.
     Save(oneshot::Sender<Result<Checkpoint, String>>),
     Stop,

@@ -3,6 +3,7 @@
 //! In: checked [`Frame`]s. Out: [`FrameOutcome`]s, [`MapSnapshot`]s and [`MapEvent`]s. The live map belongs
 //! to its thread (`map_thread/`), which publishes here.
 
+mod copies;
 mod error;
 mod event;
 mod reading;
@@ -20,15 +21,21 @@ use super::frame_times::FrameTimes;
 use super::input_warning::InputWarning;
 use super::live_map::LiveMap;
 use super::snapshot::MapSnapshot;
+use super::up::MapUp;
+use copies::{Copies, Told};
 use status::Counters;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
-use tokio::sync::{Notify, Semaphore, broadcast, mpsc, oneshot, watch};
+use std::time::Duration;
+use tokio::sync::{Notify, Semaphore, broadcast, mpsc, oneshot};
+use tokio::time::Instant;
 
 /// Events that a watcher may fall behind before it misses some.
 const EVENT_BACKLOG: usize = 256;
 /// Places in the thread's queue beside those for frames: for language results and commands.
 const CONTROL_SLOTS: usize = 16;
+/// The longest time that a reader waits for a copy of the map as it is.
+const COPY_PATIENCE: Duration = Duration::from_secs(30);
 
 /// State behind the lock. The lock is held briefly and never over an await.
 struct Shared {
@@ -36,6 +43,7 @@ struct Shared {
     failure: Option<String>,
     recording_damage: Option<String>,
     input_warnings: Vec<InputWarning>,
+    up: Option<MapUp>,
     received_through: Option<u64>,
     has_stream: bool,
     /// Streams that were opened so far.
@@ -53,7 +61,7 @@ pub struct Map {
     frame_slots: Arc<Semaphore>,
     messages: mpsc::Sender<Message>,
     watchers: broadcast::Sender<NumberedEvent>,
-    snapshot: watch::Sender<Arc<MapSnapshot>>,
+    copies: Copies,
     /// Told when readers may have something to see that they wait for.
     progressed: Notify,
     counters: Counters,
@@ -74,7 +82,7 @@ impl Map {
             frame_slots: Arc::new(Semaphore::new(queue_capacity)),
             messages,
             watchers: broadcast::Sender::new(EVENT_BACKLOG),
-            snapshot: watch::Sender::new(Arc::new(empty)),
+            copies: Copies::new(empty),
             progressed: Notify::new(),
             counters: Counters::default(),
             shared: Mutex::new(Shared {
@@ -82,6 +90,7 @@ impl Map {
                 failure: None,
                 recording_damage: None,
                 input_warnings: Vec::new(),
+                up: None,
                 received_through: None,
                 has_stream: false,
                 streams: 0,
@@ -102,26 +111,34 @@ impl Map {
         &self.name
     }
 
-    /// The newest snapshot.
-    pub fn snapshot(&self) -> Arc<MapSnapshot> {
-        self.snapshot.borrow().clone()
+    /// The map as it is now.
+    pub async fn snapshot(&self) -> Arc<MapSnapshot> {
+        self.read(&Wait::default()).await.snapshot
     }
 
-    /// The newest snapshot, once it is what `wait` asks for or the time is over. A map that has failed is not
-    /// waited for.
+    /// A copy of the map, once it is what `wait` asks for or the time is over. If the newest copy is outdated
+    /// the thread makes another one, between two steps; with the clock `per_frame` when the map is idle. A map
+    /// that has failed is not waited for.
     pub async fn read(&self, wait: &Wait) -> Reading {
-        let deadline = tokio::time::Instant::now() + wait.longest;
+        let began = Instant::now();
         loop {
             let progressed = self.progressed.notified();
             tokio::pin!(progressed);
             progressed.as_mut().enable();
-            // In this order: a settled map has its last snapshot.
+            // In this order: the last copy of a settled map has all of it.
             let settled = self.is_settled();
-            let reading = Reading { snapshot: self.snapshot(), settled };
-            if reading.is_enough(wait) || self.failure().is_some() {
+            let Told { snapshot, outdated, is_first } = self.copies.ask();
+            if outdated && is_first {
+                // A thread that has no room for messages looks by itself after each of them.
+                let _ = self.messages.try_send(Message::CopyWanted);
+            }
+            let reading = Reading { snapshot, settled: settled && !outdated };
+            let has_ended = self.messages.is_closed() || self.failure().is_some();
+            if has_ended || !outdated && reading.is_enough(wait) {
                 return reading;
             }
-            if tokio::time::timeout_at(deadline, progressed).await.is_err() {
+            let patience = if outdated { wait.longest.max(COPY_PATIENCE) } else { wait.longest };
+            if tokio::time::timeout_at(began + patience, progressed).await.is_err() {
                 return reading;
             }
         }
@@ -235,11 +252,10 @@ impl Map {
         let counters = &self.counters;
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let settled = self.is_settled();
-        let snapshot = self.snapshot();
         let shared = self.shared();
         MapStatus {
             name: self.name.clone(),
-            revision: snapshot.revision,
+            revision: read(&counters.revision),
             frames_received: read(&counters.received),
             frames_tracked: read(&counters.tracked),
             frames_lost: read(&counters.lost),
@@ -257,7 +273,7 @@ impl Map {
             failure: shared.failure.clone(),
             recording_damage: shared.recording_damage.clone(),
             input_warnings: shared.input_warnings.clone(),
-            up: snapshot.up,
+            up: shared.up,
         }
     }
 
@@ -278,14 +294,23 @@ impl Map {
         self.counters.unsettled.fetch_sub(1, Ordering::AcqRel);
     }
 
-    /// Called by the map's thread: updates the numbers that a status shows of the live map.
-    pub(super) fn count_contents(&self, live: &LiveMap) {
+    /// Called by the map's thread: tells that the map has changed, and updates what a status shows of it.
+    pub(super) fn tell_change(&self, live: &LiveMap, up: Option<MapUp>) {
         let counters = &self.counters;
-        counters.keyframes.store(live.keyframes.len() as u64, Ordering::Relaxed);
-        counters.gaussians.store(live.gaussians.len() as u64, Ordering::Relaxed);
-        counters.gpu_bytes.store(live.gaussians.device_bytes(), Ordering::Relaxed);
-        counters.keyframe_bytes.store(live.keyframes.bytes(), Ordering::Relaxed);
-        counters.olae_version.store(live.online.version(), Ordering::Relaxed);
+        let write = |counter: &AtomicU64, value| counter.store(value, Ordering::Relaxed);
+        write(&counters.revision, live.revision);
+        write(&counters.keyframes, live.keyframes.len() as u64);
+        write(&counters.gaussians, live.gaussians.len() as u64);
+        write(&counters.gpu_bytes, live.gaussians.device_bytes());
+        write(&counters.keyframe_bytes, live.keyframes.bytes());
+        write(&counters.olae_version, live.online.version());
+        self.shared().up = up;
+        self.copies.set_outdated();
+        self.announce(MapEvent::Revision {
+            revision: live.revision,
+            gaussians: live.gaussians.len(),
+            keyframes: live.keyframes.len(),
+        });
     }
 
     /// Called by the map's thread: a frame is done.
@@ -317,16 +342,15 @@ impl Map {
         self.announce(MapEvent::InputWarning { sequence, warning: warning.clone() });
     }
 
-    /// Called by the map's thread: gives readers a new snapshot.
+    /// The copy that readers get, for the map's thread.
+    pub(super) fn copies(&self) -> &Copies {
+        &self.copies
+    }
+
+    /// Called by the map's thread: gives readers a new copy.
     pub(super) fn publish(&self, snapshot: MapSnapshot) {
-        let event = MapEvent::Revision {
-            revision: snapshot.revision,
-            gaussians: snapshot.gaussians.means.len(),
-            keyframes: snapshot.keyframes.len(),
-        };
-        self.snapshot.send_replace(Arc::new(snapshot));
+        self.copies.put(snapshot);
         self.progressed.notify_waiters();
-        self.announce(event);
     }
 
     /// Why the map takes no more frames, if so.

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 pub struct MapStatus {
     /// The map's name.
     pub name: String,
-    /// Revision of the newest snapshot.
+    /// Revision of the map that readers can have now.
     pub revision: u64,
     /// Frames that passed the checks.
     pub frames_received: u64,
@@ -46,7 +46,7 @@ pub struct MapStatus {
     pub recording_damage: Option<String>,
     /// What is probably wrong with the frames that were sent, one entry for each kind.
     pub input_warnings: Vec<InputWarning>,
-    /// The direction up in the newest snapshot; `None` while the map is empty.
+    /// The direction up; `None` while the map is empty.
     pub up: Option<MapUp>,
 }
 
@@ -81,6 +81,7 @@ impl MapStatus {
 /// Counters that the map's thread writes and [`MapStatus`] reads.
 #[derive(Default)]
 pub(in super::super) struct Counters {
+    pub revision: AtomicU64,
     pub received: AtomicU64,
     pub tracked: AtomicU64,
     pub lost: AtomicU64,

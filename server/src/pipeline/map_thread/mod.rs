@@ -25,7 +25,7 @@ use super::registration;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
-    MAPPING_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
+    MAPPING_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
 use lexsplat_gpu::{Gpu, GpuError, Trainer};
@@ -89,8 +89,9 @@ impl MapThread {
     fn run(mut self, mut messages: mpsc::Receiver<Message>) {
         let _span = tracing::info_span!("map", name = self.map.name()).entered();
         let ended = self.serve(&mut messages);
-        let ended = ended.and_then(|()| self.publish_changes());
-        if let Err(error) = ended {
+        let Self { publisher, live, trainer, map, progress, .. } = &mut self;
+        let shown = publisher.end(live, trainer, map, progress.through);
+        if let Err(error) = ended.and(shown) {
             tracing::error!(%error, "the map stopped");
             self.map.fail(error.to_string());
             self.map.set_working(false);
@@ -167,7 +168,8 @@ impl MapThread {
                 self.language.has_room();
                 Ok(())
             }
-            Message::Save(_) | Message::Stop => Ok(()),
+            // What is due after each message is done behind it.
+            Message::CopyWanted | Message::Save(_) | Message::Stop => Ok(()),
         }
     }
 
@@ -298,7 +300,7 @@ impl MapThread {
     ) -> Result<Isometry3<f64>, GpuError> {
         let (training, tracking) = (self.config.train_width, self.tracker_config.width);
         let widths = KeyframeWidths { training, tracking };
-        let mut keyframe = Keyframe::new(&self.gpu, frame, tracked, widths)?;
+        let mut keyframe = Keyframe::new(frame, tracked, widths)?;
         self.close_loops(&mut keyframe)?;
         timed(INSERTION_SECONDS, || {
             insert::insert(&mut self.live, &mut self.trainer, &keyframe, &self.config)
@@ -325,7 +327,7 @@ impl MapThread {
 
     fn write_language(&mut self, sequence: u64, map: &LanguageMap) -> Result<(), GpuError> {
         let changed = timed(COMPRESSION_SECONDS, || {
-            language::write(&mut self.live, &mut self.trainer, &self.gpu, sequence, map)
+            language::write(&mut self.live, &mut self.trainer, sequence, map)
         })?;
         if changed {
             self.publisher.gaussians_changed();
@@ -355,6 +357,7 @@ impl MapThread {
         let Self { live, trainer, gpu, config, tracker_config, .. } = self;
         let changed =
             timed(MAPPING_SECONDS, || optimise::step(live, trainer, gpu, config, tracker_config))?;
+        live.keyframes.release_targets();
         if changed {
             self.publisher.gaussians_changed();
         }
@@ -366,23 +369,17 @@ impl MapThread {
         !self.live.has_steps() && !self.language.is_pending()
     }
 
-    /// Publishes changes when the map is idle and, with the clock `realtime`, every few seconds. With
-    /// `per_frame` publishing by time would make results depend on it: copying waits for the steps in
-    /// flight, and steps that met full lists are then repeated in another order.
+    /// Tells readers of changes when the map is idle and, with the clock `realtime`, every few seconds; and
+    /// makes a copy if one is due. With `per_frame` results would depend on the time of copying: it waits for
+    /// the steps in flight, and steps that met full lists are then repeated in another order.
     fn publish_if_due(&mut self) -> Result<(), GpuError> {
         let is_realtime = self.config.clock == Clock::Realtime;
         let is_old = self.publisher.age().as_secs_f64() >= self.config.snapshot_seconds;
-        if self.is_idle() || (is_realtime && is_old) { self.publish_changes() } else { Ok(()) }
-    }
-
-    fn publish_changes(&mut self) -> Result<(), GpuError> {
-        if !self.publisher.has_changes() {
-            return Ok(());
+        if self.is_idle() || is_realtime && (is_old || self.map.copies().is_due()) {
+            let Self { publisher, live, trainer, map, progress, .. } = self;
+            publisher.publish(live, trainer, map, progress.through)?;
         }
-        timed(SNAPSHOT_SECONDS, || {
-            let through = self.progress.through;
-            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map, through)
-        })
+        Ok(())
     }
 }
 

@@ -1,53 +1,58 @@
-//! Copies the live map for readers.
+//! Tells readers that the map has changed, and copies it for those who want it.
 
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
 use super::super::map::Map;
 use super::super::snapshot::{KeyframeInfo, MapSnapshot};
+use super::super::up::MapUp;
+use crate::telemetry::{SNAPSHOT_SECONDS, timed};
 use lexsplat_gpu::{GpuError, HostGaussians, Trainer};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Remembers what readers have.
+/// Remembers what readers were told, and what they have.
 pub(super) struct Publisher {
-    /// The Gaussians of the newest snapshot.
-    gaussians: Arc<HostGaussians>,
+    /// The Gaussians of the newest copy.
+    copied: Arc<HostGaussians>,
+    /// Revision of the newest copy; `None` before the first.
+    copied_revision: Option<u64>,
     gaussians_changed: bool,
     poses_changed: bool,
-    published_at: Instant,
+    told_at: Instant,
+    /// The direction up when readers were told last.
+    up: Option<MapUp>,
 }
 
 impl Publisher {
     pub fn new() -> Self {
         Self {
-            gaussians: Arc::default(),
+            copied: Arc::default(),
+            copied_revision: None,
             gaussians_changed: false,
             poses_changed: false,
-            published_at: Instant::now(),
+            told_at: Instant::now(),
+            up: None,
         }
     }
 
-    /// Gaussians or the online compressor differ from the newest snapshot.
+    /// Gaussians or the online compressor differ from what readers were told of.
     pub fn gaussians_changed(&mut self) {
         self.gaussians_changed = true;
     }
 
-    /// The trajectory or the set of keyframes differs from the newest snapshot.
+    /// The trajectory or the set of keyframes differs from what readers were told of.
     pub fn poses_changed(&mut self) {
         self.poses_changed = true;
     }
 
-    pub fn has_changes(&self) -> bool {
-        self.gaussians_changed || self.poses_changed
-    }
-
-    /// Time since the newest snapshot.
+    /// Time since readers were told of a change.
     pub fn age(&self) -> Duration {
-        self.published_at.elapsed()
+        self.told_at.elapsed()
     }
 
-    /// Gives readers the map as it is now, after the frame `through`. Waits for the optimiser steps in
-    /// flight.
+    /// Tells readers what has changed, if anything, and makes a copy if one is due. Waits for the optimiser
+    /// steps in flight if Gaussians have changed, whether somebody reads or not: with the clock `per_frame`
+    /// the map must not depend on readers.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
@@ -60,42 +65,65 @@ impl Publisher {
     ) -> Result<(), GpuError> {
         if self.gaussians_changed {
             trainer.settle(&mut live.gaussians)?;
-            self.gaussians = Arc::new(live.gaussians.to_host()?);
-            live.revision += 1;
         }
-        self.show(live, map, through);
-        Ok(())
+        self.tell_changes(live, map);
+        if map.copies().is_due() { self.copy(live, map, through) } else { Ok(()) }
     }
 
-    /// Gives readers a map that was put back, with the revision that it had.
+    /// Makes the last copy, for those who still have the map when its thread ends. After an error the device
+    /// may have steps that it cannot take; the map is shown without them.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn restore(
+    /// As [`Publisher::publish`].
+    pub fn end(
         &mut self,
-        live: &LiveMap,
+        live: &mut LiveMap,
+        trainer: &mut Trainer,
         map: &Map,
         through: Option<u64>,
     ) -> Result<(), GpuError> {
-        self.gaussians = Arc::new(live.gaussians.to_host()?);
-        self.show(live, map, through);
-        Ok(())
+        let settled = trainer.settle(&mut live.gaussians);
+        self.tell_changes(live, map);
+        let copied =
+            if map.copies().is_outdated() { self.copy(live, map, through) } else { Ok(()) };
+        settled.and(copied)
     }
 
-    fn show(&mut self, live: &LiveMap, map: &Map, through: Option<u64>) {
-        map.count_contents(live);
-        map.publish(MapSnapshot {
-            map: map.name().to_owned(),
-            revision: live.revision,
-            through,
-            gaussians: self.gaussians.clone(),
-            online: Arc::from(live.online.boxed_clone()),
-            trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
-            keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
-            up: live.up(),
-        });
+    fn tell_changes(&mut self, live: &mut LiveMap, map: &Map) {
+        live.revision += u64::from(self.gaussians_changed);
+        if self.gaussians_changed || self.poses_changed {
+            self.tell(live, map);
+        }
+    }
+
+    /// Tells readers of the map as it is.
+    pub fn tell(&mut self, live: &LiveMap, map: &Map) {
+        self.up = live.up();
+        map.tell_change(live, self.up);
         (self.gaussians_changed, self.poses_changed) = (false, false);
-        self.published_at = Instant::now();
+        self.told_at = Instant::now();
+    }
+
+    /// Gives readers the map as it is, after the frame `through`. They were told of it.
+    fn copy(&mut self, live: &LiveMap, map: &Map, through: Option<u64>) -> Result<(), GpuError> {
+        timed(SNAPSHOT_SECONDS, || {
+            map.copies().begin();
+            if self.copied_revision != Some(live.revision) {
+                self.copied = Arc::new(live.gaussians.to_host()?);
+                self.copied_revision = Some(live.revision);
+            }
+            map.publish(MapSnapshot {
+                map: map.name().to_owned(),
+                revision: live.revision,
+                through,
+                gaussians: self.copied.clone(),
+                online: Arc::from(live.online.boxed_clone()),
+                trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
+                keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
+                up: self.up,
+            });
+            Ok(())
+        })
     }
 }
 

@@ -47,7 +47,7 @@ impl MapThread {
         Ok(Checkpoint { core, gaussians, keyframes })
     }
 
-    /// Puts back the state of a map with the same settings, and shows it to readers.
+    /// Puts back the state of a map with the same settings, and tells readers of it.
     ///
     /// # Errors
     /// The reason in words.
@@ -60,7 +60,7 @@ impl MapThread {
         if channels != self.live.online.code_size() || channels != gaussians.channels {
             return Err("its codes have another size".into());
         }
-        let keyframes = keyframes.into_iter().map(|state| state.keyframe(&self.gpu, channels));
+        let keyframes = keyframes.into_iter().map(|keyframe| keyframe.keyframe(&self.gpu));
         let keyframes = keyframes.collect::<Result<Vec<_>, _>>().map_err(on_device)?;
         let LiveState { trajectory, forgotten, graph, steps, rng, sorted_len, .. } = core.live;
         self.live = LiveMap {
@@ -83,7 +83,7 @@ impl MapThread {
         core.waiting_for_language.into_iter().for_each(|frame| self.language.push(frame));
         self.progress = core.progress.clone();
         self.map.restore_progress(core.progress, self.tracker.state());
-        self.publisher.restore(&self.live, &self.map, self.progress.through).map_err(on_device)?;
+        self.publisher.tell(&self.live, &self.map);
         self.language.send(&self.live.keyframes);
         self.map.set_working(!self.is_idle());
         Ok(())

@@ -1,4 +1,5 @@
-//! A map that goes on from its checkpoint becomes what it would have become without one.
+//! A map that goes on from its checkpoint becomes what it would have become without one; and copies for readers
+//! are made when somebody reads.
 
 use super::super::checkpoint::Checkpoint;
 use super::super::engine::Engine;
@@ -69,6 +70,12 @@ fn resumed(engine: &Engine, name: &str, saved: Checkpoint) -> StreamGuard {
     engine.restore(name, saved).unwrap().reclaim().unwrap()
 }
 
+/// Whether two maps are the same for their readers.
+async fn same_maps(a: &Map, b: &Map) -> bool {
+    let (a, b) = (a.snapshot().await, b.snapshot().await);
+    same(&a, &b)
+}
+
 fn same(a: &MapSnapshot, b: &MapSnapshot) -> bool {
     let poses = |snapshot: &MapSnapshot| {
         let poses =
@@ -104,7 +111,7 @@ async fn a_map_goes_on_as_if_it_had_never_stopped() {
     let saved = state().await;
     assert_eq!((saved.through(), saved.frames()), (Some(BEFORE - 1), BEFORE));
     let copy = resumed(&engine, "saved-copy", saved);
-    assert!(same(&map.snapshot(), &copy.map().snapshot()), "at the checkpoint");
+    assert!(same_maps(&map, copy.map()).await, "at the checkpoint");
     assert_eq!(counts(&map), counts(copy.map()));
 
     let mut forgetful = state().await;
@@ -121,16 +128,16 @@ async fn a_map_goes_on_as_if_it_had_never_stopped() {
         send(sender, all.clone()).await;
     }
     assert!(counts(&map)[2] > 2, "{:?}", counts(&map));
-    let up = map.snapshot().up.unwrap();
+    let up = map.snapshot().await.up.unwrap();
     assert_eq!(up.source, UpSource::Gravity);
     // The first camera's axes are the room's.
     assert!(up.direction.angle(&-Vector3::y()).to_degrees() < 1.0, "{up:?}");
     assert_eq!(counts(&map), counts(copy.map()));
-    assert!(same(&map.snapshot(), &copy.map().snapshot()), "bit for bit");
+    assert!(same_maps(&map, copy.map()).await, "bit for bit");
     let (mine, its) = (map.save().await.unwrap(), copy.map().save().await.unwrap());
     assert!(mine.gaussians == its.gaussians, "the moments too");
-    assert!(!same(&map.snapshot(), &forgetful.map().snapshot()), "without moments");
-    assert!(!same(&map.snapshot(), &other.map().snapshot()), "with other random numbers");
+    assert!(!same_maps(&map, forgetful.map()).await, "without moments");
+    assert!(!same_maps(&map, other.map()).await, "with other random numbers");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -147,4 +154,61 @@ async fn a_checkpoint_of_another_map_thread_is_refused_if_it_does_not_fit() {
     other.core.live.online.truncate(9);
     assert!(engine.restore("saved-other", other).is_err());
     assert!(engine.map("saved-short").is_err() && engine.map("saved-other").is_err());
+}
+
+/// Revision of the copy that the next reader would find, and of the map.
+fn revisions(map: &Map) -> [u64; 2] {
+    [map.copies().newest().revision, map.status().revision]
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_is_copied_for_those_who_read() {
+    let engine = per_frame_engine();
+    let (unread, read) = (engine.open("unread").unwrap(), engine.open("read").unwrap());
+    let (quiet, busy) = (unread.claim().unwrap(), read.claim().unwrap());
+    for sequence in 0..BEFORE {
+        send(&quiet, sequence..sequence + 1).await;
+        send(&busy, sequence..sequence + 1).await;
+        let seen = read.snapshot().await;
+        assert_eq!(seen.through, Some(sequence), "a reader sees each frame");
+        assert_eq!(seen.trajectory.len() as u64, sequence + 1);
+    }
+    let [copied, told] = revisions(&unread);
+    assert!(copied == 0 && told > 0, "nobody has read: {copied} {told}");
+    assert_eq!(unread.status().gaussians, read.status().gaussians);
+    assert!(unread.status().gaussians > 0 && unread.status().up.is_some(), "it is told of");
+    // Who comes later gets the same map at once, and it does not depend on readers.
+    let (late, seen) = (unread.snapshot().await, read.snapshot().await);
+    assert!(same(&late, &seen) && late.through == Some(BEFORE - 1));
+    assert_eq!(revisions(&unread), [told, told]);
+    // Whoever has read gets one more copy without asking; then there is none again.
+    for (sequence, is_copied) in [(BEFORE, true), (BEFORE + 1, false)] {
+        send(&quiet, sequence..sequence + 1).await;
+        let copied = unread.copies().newest().through == Some(sequence);
+        assert_eq!(copied, is_copied, "frame {sequence}");
+    }
+    assert_eq!(unread.snapshot().await.through, Some(BEFORE + 1));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_that_fails_shows_its_last_state() {
+    let engine = per_frame_engine();
+    let map = engine.open("fails").unwrap();
+    let sender = map.claim().unwrap();
+    send(&sender, 0..BEFORE).await;
+    let [copied, told] = revisions(&map);
+    assert!(copied < told, "negative control: nobody has read");
+    // Color ends early, which no frame does that was checked.
+    let whole = frame(BEFORE);
+    let broken = Frame { rgb: whole.rgb[..whole.rgb.len() - 3].into(), ..whole };
+    assert!(map.submit(broken).await.unwrap().await.is_err(), "it is not mapped");
+    let began = Instant::now();
+    while map.failure().is_none() {
+        assert!(began.elapsed() < PATIENCE, "{:?}", map.status());
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let last = map.snapshot().await;
+    assert!(last.revision >= told && !last.gaussians.is_empty());
+    assert_eq!(last.trajectory.len() as u64, BEFORE);
+    assert!(map.claim().is_err() || map.submit(frame(BEFORE + 1)).await.is_err(), "no more frames");
 }

@@ -55,7 +55,7 @@ pub struct MapperConfig {
     /// Most Gaussians of a map. When it is reached none is inserted, and the existing ones are still
     /// optimised.
     pub max_gaussians: usize,
-    /// Mebibytes of keyframes' images and codes, on host and device together. Above it the keyframe that
+    /// Mebibytes of keyframes' images and codes in host memory. Above it the keyframe that
     /// the others show best is forgotten. Its Gaussians stay.
     pub max_keyframe_mib: u64,
     /// Color steps of each keyframe, taken while no frame waits.
@@ -71,7 +71,7 @@ pub struct MapperConfig {
     pub prune_every: usize,
     /// A Gaussian is removed if the opacities of both heads are below this [0.7].
     pub prune_opacity: f32,
-    /// Least time between two snapshots while the map changes, seconds (clock `realtime`).
+    /// Least time between two snapshots while the map changes and is read, seconds (clock `realtime`).
     pub snapshot_seconds: f64,
     /// Parameters that the two heads share (none in the paper's method; all of them is the joint
     /// optimisation that it is compared with).

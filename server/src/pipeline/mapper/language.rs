@@ -9,7 +9,7 @@ use super::super::compressor::carry_over;
 use super::super::encoder::LanguageMap;
 use super::super::keyframes::{Keyframe, KeyframeLanguage};
 use super::super::live_map::LiveMap;
-use lexsplat_gpu::{Camera, Gpu, GpuError, Trainer};
+use lexsplat_gpu::{Camera, GpuError, Trainer};
 use nalgebra::Point3;
 
 /// Learns from a keyframe's codes and writes them into the map. Returns whether the map changed: it does not
@@ -20,7 +20,6 @@ use nalgebra::Point3;
 pub(in super::super) fn write(
     live: &mut LiveMap,
     trainer: &mut Trainer,
-    gpu: &Gpu,
     sequence: u64,
     map: &LanguageMap,
 ) -> Result<bool, GpuError> {
@@ -41,8 +40,7 @@ pub(in super::super) fn write(
     if advanced || initialised > 0 {
         live.gaussians.set_language_features(&codes)?;
     }
-    let online = live.online.as_ref();
-    keyframe.language = Some(KeyframeLanguage::new(gpu, map, camera, &online_codes, online)?);
+    keyframe.language = Some(KeyframeLanguage::new(map, camera));
     live.steps.earn_language();
     Ok(true)
 }

@@ -4,7 +4,7 @@ use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{
     Camera, ColorImage, Gaussians, Gpu, GpuError, HostGaussians, LanguageImage, Renderer,
 };
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// A renderer with the Gaussians of one snapshot.
 pub(crate) struct Scene {
@@ -13,8 +13,8 @@ pub(crate) struct Scene {
 }
 
 struct Loaded {
-    /// Kept alive, so that no other snapshot's Gaussians can have the same address.
-    host: Arc<HostGaussians>,
+    /// While it is there no other snapshot's Gaussians can have the same address.
+    host: Weak<HostGaussians>,
     device: Gaussians,
     renderer: Renderer,
 }
@@ -48,7 +48,7 @@ impl Scene {
         let channels = snapshot.online.code_size();
         let kept = self.loaded.take();
         let kept = match kept {
-            Some(kept) if Arc::ptr_eq(&kept.host, &snapshot.gaussians) => kept,
+            Some(kept) if kept.host.ptr_eq(&Arc::downgrade(&snapshot.gaussians)) => kept,
             other => {
                 let renderer = other
                     .filter(|other| other.device.language_channels() == channels)
@@ -57,9 +57,9 @@ impl Scene {
                     Some(renderer) => renderer,
                     None => Renderer::new(&self.gpu, channels)?,
                 };
-                let mut device = Gaussians::new(&self.gpu, channels);
+                let mut device = Gaussians::for_drawing(&self.gpu, channels);
                 device.append(&snapshot.gaussians)?;
-                Loaded { host: snapshot.gaussians.clone(), device, renderer }
+                Loaded { host: Arc::downgrade(&snapshot.gaussians), device, renderer }
             }
         };
         Ok(self.loaded.insert(kept))

@@ -9,11 +9,13 @@ use crate::pipeline::query::relevancy::{Prompts, to_bf16};
 use crate::pipeline::snapshot::MapSnapshot;
 use half::bf16;
 use lexsplat_gpu::HostGaussians;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// Features of one snapshot.
 pub(crate) struct SpaceFeatures {
-    gaussians: Arc<HostGaussians>,
+    gaussians: Weak<HostGaussians>,
+    /// Number of Gaussians.
+    len: usize,
     /// Indices of the Gaussians with language, in order.
     rows: Vec<u32>,
     /// `[rows, D]`, unit length; `None`: too large for the cache.
@@ -38,7 +40,8 @@ impl SpaceFeatureCache {
         decoder: &mut FeatureDecoder,
         snapshot: &MapSnapshot,
     ) -> Result<&SpaceFeatures, NetworkError> {
-        let is_current = |last: &SpaceFeatures| Arc::ptr_eq(&last.gaussians, &snapshot.gaussians);
+        let gaussians = Arc::downgrade(&snapshot.gaussians);
+        let is_current = |last: &SpaceFeatures| last.gaussians.ptr_eq(&gaussians);
         let features = match self.last.take().filter(is_current) {
             Some(features) => features,
             None => SpaceFeatures::new(decoder, snapshot, self.limit_bytes)?,
@@ -62,7 +65,8 @@ impl SpaceFeatures {
             decoder.decode(&*snapshot.online, &codes, |batch| features.extend(to_bf16(batch)))?;
             cached = Some(features);
         }
-        Ok(Self { gaussians: snapshot.gaussians.clone(), rows, cached })
+        let gaussians = Arc::downgrade(&snapshot.gaussians);
+        Ok(Self { gaussians, len: snapshot.gaussians.len(), rows, cached })
     }
 
     /// Indices of the Gaussians with language, in order.
@@ -72,7 +76,7 @@ impl SpaceFeatures {
 
     /// Share of the Gaussians with language.
     pub(super) fn coverage(&self) -> f32 {
-        self.rows.len() as f32 / self.gaussians.len().max(1) as f32
+        self.rows.len() as f32 / self.len.max(1) as f32
     }
 
     /// Relevancies `[rows, texts]`; `snapshot` is the one of these features.

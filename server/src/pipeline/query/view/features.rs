@@ -13,7 +13,7 @@ use crate::pipeline::query::render::Scene;
 use crate::pipeline::query::stopwatch::Stopwatch;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::{Camera, HostGaussians, LanguageImage};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// Opacity of the language head below which a pixel has no language.
 const MIN_OPACITY: f32 = 0.5;
@@ -61,7 +61,7 @@ impl ViewFeatures {
 /// The features of the most recent view: successive questions are often about the same one.
 #[derive(Default)]
 pub(crate) struct ViewFeatureCache {
-    last: Option<(Arc<HostGaussians>, Camera, Arc<ViewFeatures>)>,
+    last: Option<(Weak<HostGaussians>, Camera, Arc<ViewFeatures>)>,
 }
 
 impl ViewFeatureCache {
@@ -76,8 +76,9 @@ impl ViewFeatureCache {
         columns: u32,
         timing: &mut Timing,
     ) -> Result<Arc<ViewFeatures>, QueryError> {
-        if let Some((gaussians, last, features)) = &self.last
-            && Arc::ptr_eq(gaussians, &snapshot.gaussians)
+        let gaussians = Arc::downgrade(&snapshot.gaussians);
+        if let Some((of, last, features)) = &self.last
+            && of.ptr_eq(&gaussians)
             && last == camera
         {
             return Ok(features.clone());
@@ -87,7 +88,7 @@ impl ViewFeatureCache {
         timing.render = stopwatch.lap();
         let features = Arc::new(decode(decoder, snapshot, &image)?);
         timing.decode = stopwatch.lap();
-        self.last = Some((snapshot.gaussians.clone(), camera.clone(), features.clone()));
+        self.last = Some((gaussians, camera.clone(), features.clone()));
         Ok(features)
     }
 }

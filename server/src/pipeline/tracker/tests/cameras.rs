@@ -36,7 +36,7 @@ async fn another_camera_goes_on_in_the_same_map() {
         println!("worst {worst:.5}");
         assert!(worst < CLOSE_ACROSS, "{worst}");
     }
-    let snapshot = robot.map().snapshot();
+    let snapshot = robot.map().snapshot().await;
     assert_eq!(snapshot.camera(0), Some(CAMERA));
     assert_eq!(robot.map().status().frames_lost, 0);
 }
