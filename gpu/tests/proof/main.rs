@@ -26,3 +26,4 @@ mod tiers;
 mod ties;
 mod training;
 mod wild;
+mod windows;

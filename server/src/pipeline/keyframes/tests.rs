@@ -41,7 +41,7 @@ fn keyframe(gpu: &Gpu, sequence: u64, image: DownsampledFrame) -> Keyframe {
         relocalised: false,
         beside: None,
     };
-    let widths = KeyframeWidths { training: 80, tracking: 160 };
+    let widths = KeyframeWidths { training: 80, tracking: 160, full: true };
     Keyframe::new(gpu, &frame, &tracked, widths).expect("the device has room")
 }
 
@@ -87,10 +87,10 @@ fn a_forgotten_keyframe_leaves_its_pose_and_frees_its_bytes() {
 #[test]
 fn bytes_count_shared_images_once() {
     let store = store();
-    // Full size: 160x120 RGB, and depth that the tracker shares; half size: RGB, depth and 8 bytes a
-    // pixel on the device.
+    // Full size: 160x120 RGB, depth that the tracker shares, and depth in half precision; half size: RGB, depth
+    // and 8 bytes a pixel on the device.
     let (full, half) = (160 * 120, 80 * 60);
-    assert_eq!(store.bytes(), 3 * (full * 7 + half * (7 + 8)));
+    assert_eq!(store.bytes(), 3 * (full * (7 + 2) + half * (7 + 8)));
 }
 
 #[test]

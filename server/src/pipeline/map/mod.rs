@@ -13,7 +13,7 @@ pub use error::MapError;
 pub(super) use event::Message;
 pub use event::{MapEvent, NumberedEvent};
 pub use reading::{Reading, Wait};
-pub use status::MapStatus;
+pub use status::{MapStatus, Refinement};
 
 use super::frame::{Frame, FrameOutcome, TrackingState};
 use super::frame_times::FrameTimes;
@@ -33,6 +33,7 @@ const CONTROL_SLOTS: usize = 16;
 /// State behind the lock. The lock is held briefly and never over an await.
 struct Shared {
     tracking: TrackingState,
+    refinement: Refinement,
     failure: Option<String>,
     recording_damage: Option<String>,
     input_warnings: Vec<InputWarning>,
@@ -79,6 +80,7 @@ impl Map {
             counters: Counters::default(),
             shared: Mutex::new(Shared {
                 tracking: TrackingState::Empty,
+                refinement: Refinement::Off,
                 failure: None,
                 recording_damage: None,
                 input_warnings: Vec::new(),
@@ -111,13 +113,18 @@ impl Map {
     /// waited for.
     pub async fn read(&self, wait: &Wait) -> Reading {
         let deadline = tokio::time::Instant::now() + wait.longest;
+        if wait.converged {
+            // An error means that the thread has stopped, or that its queue is full for so long.
+            let _ = tokio::time::timeout_at(deadline, self.messages.send(Message::Refine)).await;
+        }
         loop {
             let progressed = self.progressed.notified();
             tokio::pin!(progressed);
             progressed.as_mut().enable();
             // In this order: a settled map has its last snapshot.
             let settled = self.is_settled();
-            let reading = Reading { snapshot: self.snapshot(), settled };
+            let converged = settled && self.shared().refinement.is_done();
+            let reading = Reading { snapshot: self.snapshot(), settled, converged };
             if reading.is_enough(wait) || self.failure().is_some() {
                 return reading;
             }
@@ -254,6 +261,7 @@ impl Map {
             queue_depth,
             queue_capacity,
             settled,
+            refinement: shared.refinement,
             failure: shared.failure.clone(),
             recording_damage: shared.recording_damage.clone(),
             input_warnings: shared.input_warnings.clone(),
@@ -270,6 +278,13 @@ impl Map {
     pub(super) fn set_working(&self, working: bool) {
         self.counters.working.store(working, Ordering::Release);
         self.progressed.notify_waiters();
+    }
+
+    /// Called by the map's thread: how far the map is refined.
+    pub(super) fn set_refinement(&self, refinement: Refinement) {
+        if std::mem::replace(&mut self.shared().refinement, refinement) != refinement {
+            self.announce(MapEvent::Refinement(refinement));
+        }
     }
 
     /// Called by the map's thread: a frame is discarded because the map has failed.
