@@ -31,6 +31,7 @@ pub(crate) const INPUT_CHECK_SECONDS: &str = "lexsplat_input_check_seconds";
 /// Histogram: seconds to insert the new Gaussians of a keyframe.
 pub(crate) const INSERTION_SECONDS: &str = "lexsplat_insertion_seconds";
 /// Histogram: seconds per optimiser step.
+pub(crate) const REFINEMENT_SECONDS: &str = "lexsplat_refinement_seconds";
 pub(crate) const MAPPING_SECONDS: &str = "lexsplat_mapping_seconds";
 /// Histogram: seconds of the online compressor per keyframe, with writing its codes into the map.
 pub(crate) const COMPRESSION_SECONDS: &str = "lexsplat_compression_seconds";
@@ -166,6 +167,7 @@ fn describe() {
         INSERTION_SECONDS,
         "Seconds to insert the new Gaussians of a keyframe"
     );
+    metrics::describe_histogram!(REFINEMENT_SECONDS, "Seconds per step of refinement");
     metrics::describe_histogram!(MAPPING_SECONDS, "Seconds per optimiser step");
     metrics::describe_histogram!(
         COMPRESSION_SECONDS,

@@ -15,6 +15,9 @@ pub struct Waiting {
     /// Wait at most this long until the map has used all acknowledged frames; 0: do not wait
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(..=600))]
     wait: u64,
+    /// Wait until the map has been refined as well
+    #[arg(long)]
+    converged: bool,
 }
 
 impl Waiting {
@@ -23,7 +26,8 @@ impl Waiting {
     /// # Errors
     /// If the address or a certificate is wrong.
     pub fn client(&self, http: &str, access: &Access) -> Result<HttpClient, HttpError> {
-        Ok(HttpClient::with_access(http, access)?.waiting(self.wait))
+        let client = HttpClient::with_access(http, access)?.waiting(self.wait);
+        Ok(if self.converged { client.until_converged() } else { client })
     }
 }
 
@@ -62,7 +66,7 @@ mod tests {
 
     #[test]
     fn only_what_is_not_settled_is_noted() {
-        let of = ReadOf { revision: 7, through: Some(59), settled: false };
+        let of = ReadOf { revision: 7, through: Some(59), settled: false, converged: false };
         let note = unsettled(&of).unwrap();
         assert!(note.contains("revision 7, through frame 59"), "{note}");
         assert!(unsettled(&ReadOf { through: None, ..of }).unwrap().contains("before its first"));

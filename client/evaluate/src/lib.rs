@@ -44,7 +44,7 @@ pub use lpips::{Lpips, LpipsError};
 pub use options::{Options, Target};
 pub use presence::{Bin, Fitted, Judgement, Presence, Reliability};
 pub use probe::{Probe, ProbeTimes, REFERENCE, Reference, Repeated};
-pub use report::{Paper, Report, Row, Scaled, markdown, rows};
+pub use report::{Paper, Refined, Report, Row, Scaled, markdown, rows};
 pub use run::{Evaluation, evaluate};
 pub use samples::Sample;
 pub use score::{Bounds, as_released, average_precision, boxes, iou};

@@ -42,6 +42,8 @@ pub struct Options {
     /// Every N-th frame is held out: tracked, never a keyframe, and scored. `None`: every
     /// [`HELD_OUT_EVERY`](crate::HELD_OUT_EVERY)-th tracked frame that is no keyframe is scored.
     pub hold_out_every: Option<NonZeroUsize>,
+    /// Whether the map is measured after it was refined, not as soon as it is settled.
+    pub converged: bool,
     /// Whether queries are asked and scored, if the data set has masks.
     pub language: bool,
     /// The network for LPIPS; `None`: LPIPS is not scored.

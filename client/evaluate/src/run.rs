@@ -1,4 +1,4 @@
-//! The evaluation itself: streams, waits until the map is settled, and measures.
+//! The evaluation itself: streams, waits until the map is settled, or has converged, and measures.
 
 use crate::context::Context;
 use crate::error::EvaluateError;
@@ -6,7 +6,7 @@ use crate::options::{Options, Target};
 use crate::probe::{self, Probe, ProbeTimes};
 use crate::process::processor_seconds;
 use crate::recorded::Recorded;
-use crate::report::{Measured, Report};
+use crate::report::{Measured, Refined, Report};
 use crate::samples::{self, Sample};
 use crate::selection::Selection;
 use crate::stages::{self, Stage};
@@ -49,8 +49,9 @@ pub async fn evaluate(
     let health = client.health().await?;
     let recorded = Arc::new(Recorded::new(dataset));
     let probed_before = probe_of(target, &mut on_step);
-    let mapped = make_map(&client, recorded.clone(), target, &options, &mut on_step).await?;
+    let mut mapped = make_map(&client, recorded.clone(), target, &options, &mut on_step).await?;
 
+    let refined = refine(&client, target, &options, &mut mapped, &mut on_step).await?;
     let trajectory_tum =
         String::from_utf8_lossy(&client.trajectory(&target.map).await?.bytes).into_owned();
     let estimate = read_tum(&trajectory_tum).map_err(|reason| EvaluateError::Answer { reason })?;
@@ -85,6 +86,7 @@ pub async fn evaluate(
         summary: mapped.summary,
         status: mapped.status,
         settle_seconds: mapped.settle_seconds,
+        refined,
         peak_rss_bytes,
         ate: ate(&trajectory),
         views,
@@ -146,6 +148,25 @@ async fn make_map(
     }
     let stages = stages::between(&before, &client.metrics().await?);
     Ok(Mapped { summary, status, settle_seconds, stages, processor_seconds })
+}
+
+/// Waits until the map has converged, if it is to be measured then.
+async fn refine(
+    client: &HttpClient,
+    target: &Target,
+    options: &Options,
+    mapped: &mut Mapped,
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Option<Refined>, EvaluateError> {
+    if !options.converged {
+        return Ok(None);
+    }
+    let processor = || target.process.and_then(processor_seconds);
+    let (began, before) = (Instant::now(), processor());
+    let on_status = |status: &Status| on_step(Step::Settling(status));
+    mapped.status = client.converged(&target.map, on_status).await?;
+    let processor_seconds = before.zip(processor()).map(|(before, after)| after - before);
+    Ok(Some(Refined { seconds: began.elapsed().as_secs_f64(), processor_seconds }))
 }
 
 /// Refuses a map that has frames already: the scores would include them.

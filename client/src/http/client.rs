@@ -20,6 +20,8 @@ pub struct HttpClient {
     client: reqwest::Client,
     /// How long the server may wait before it reads the map, seconds.
     wait_seconds: Option<u64>,
+    /// What it waits for then.
+    wait: &'static str,
 }
 
 /// How long a request waits for a map that the server is loading.
@@ -42,7 +44,12 @@ impl HttpClient {
     /// # Errors
     /// [`HttpError::Address`], [`HttpError::Access`].
     pub fn with_access(address: &str, access: &Access) -> Result<Self, HttpError> {
-        Ok(Self { base: base(address)?, client: client(access)?, wait_seconds: None })
+        Ok(Self {
+            base: base(address)?,
+            client: client(access)?,
+            wait_seconds: None,
+            wait: "settled",
+        })
     }
 
     /// Questions, exports and trajectories wait in the server, at most so long, until the map has done its
@@ -50,6 +57,12 @@ impl HttpClient {
     #[must_use]
     pub fn waiting(self, seconds: u64) -> Self {
         Self { wait_seconds: Some(seconds), ..self }
+    }
+
+    /// What waits, waits until the map has been refined as well.
+    #[must_use]
+    pub fn until_converged(self) -> Self {
+        Self { wait: "converged", ..self }
     }
 
     /// `HOST:PORT`.
@@ -268,7 +281,7 @@ impl HttpClient {
         match self.wait_seconds {
             Some(seconds) => {
                 let seconds = seconds.to_string();
-                request.query(&[("wait", "settled"), ("wait_seconds", &seconds)])
+                request.query(&[("wait", self.wait), ("wait_seconds", &seconds)])
             }
             None => request,
         }

@@ -20,6 +20,8 @@ pub struct ReadOf {
     pub through: Option<u64>,
     /// Whether it had done its work on all frames that it had received.
     pub settled: bool,
+    /// Whether it had also been refined.
+    pub converged: bool,
 }
 
 impl ReadOf {
@@ -31,6 +33,7 @@ impl ReadOf {
             revision: number("lexsplat-revision").unwrap_or_default(),
             through: number("lexsplat-through"),
             settled: text("lexsplat-settled") == Some("true"),
+            converged: text("lexsplat-converged") == Some("true"),
         }
     }
 }

@@ -84,10 +84,14 @@ impl Camera {
 
     /// Largest |x/z| and |y/z| at which the Jacobian is taken.
     pub fn jacobian_limit(&self) -> [f32; 2] {
-        [
-            VIEW_MARGIN * 0.5 * self.width as f32 / self.fx,
-            VIEW_MARGIN * 0.5 * self.height as f32 / self.fy,
-        ]
+        let limit = |size: u32, centre: f32, focal: f32| {
+            let half = 0.5 * size as f32;
+            let farthest = (centre + 0.5).abs().max((size as f32 - 0.5 - centre).abs());
+            // The axis of a window of a larger picture may lie outside of the window.
+            let reach = if farthest > VIEW_MARGIN * half { farthest } else { half };
+            VIEW_MARGIN * reach / focal
+        };
+        [limit(self.width, self.cx, self.fx), limit(self.height, self.cy, self.fy)]
     }
 
     /// The uniform of a pass over `count` Gaussians whose lists hold `capacity` hits; its band is the
@@ -149,5 +153,18 @@ mod tests {
         let (u, v, _) = half.project(&camera.unproject(0.5, 0.5, 1.0)).expect("in front");
         assert!(u.abs() < 1e-4 && v.abs() < 1e-4, "pixels 0 and 1 share the new pixel 0: {u} {v}");
         assert_eq!(camera.resized(64, 48).cx, camera.cx);
+    }
+
+    #[test]
+    fn a_window_is_drawn_with_the_limits_of_the_whole_picture() {
+        let whole = camera();
+        let [x, y] = whole.jacobian_limit();
+        assert!((x - VIEW_MARGIN * 32.0 / 50.0).abs() < 1e-6, "{x}");
+        assert!((y - VIEW_MARGIN * 24.0 / 55.0).abs() < 1e-6, "{y}");
+        let right = Camera { width: 32, height: 24, cx: -0.5, cy: 23.5, ..whole.clone() };
+        assert_eq!(right.jacobian_limit(), [x, y]);
+        // A camera whose axis is nearly in the middle has the limit of one whose axis is.
+        let real = Camera { cx: 33.0, cy: 20.0, ..whole };
+        assert_eq!(real.jacobian_limit(), [x, y]);
     }
 }

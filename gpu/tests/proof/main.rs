@@ -27,3 +27,4 @@ mod tiers;
 mod ties;
 mod training;
 mod wild;
+mod windows;

@@ -18,6 +18,9 @@ pub struct Answer {
     /// Whether the map had done its work on all frames that it had received. If not, the answer may change.
     #[serde(default)]
     pub settled: bool,
+    /// Whether it had also been refined.
+    #[serde(default)]
+    pub converged: bool,
     /// Whether the map shows what was asked for.
     pub present: bool,
     /// Confidence in `present`, 0 to 1.

@@ -38,6 +38,13 @@ pub struct RevisionEvent {
     pub keyframes: usize,
 }
 
+/// Event "refinement": the refinement of the map begins, pauses or ends; see [`super::Status::refinement`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct RefinementEvent {
+    pub refinement: String,
+}
+
 /// Event "missed": the events with these ids are no longer kept.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]

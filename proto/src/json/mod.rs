@@ -18,7 +18,7 @@ mod session;
 
 pub use answer::{Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, Timing};
 pub use camera::{Camera, View};
-pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RevisionEvent};
+pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RefinementEvent, RevisionEvent};
 pub use health::{Health, MapLoading};
 pub use map::{
     Frames, InputWarning, Keyframe, LoadProgress, MapState, Maps, NewMap, Restored, Status, Up,

@@ -19,6 +19,9 @@ pub struct Segmentation {
     /// Whether the map had done its work on all frames that it had received. If not, the answer may change.
     #[serde(default)]
     pub settled: bool,
+    /// Whether it had also been refined.
+    #[serde(default)]
+    pub converged: bool,
     /// Share of the view or map that has language, 0 to 1.
     pub coverage: f32,
     /// Relevancy that the best text had to exceed to become the label.

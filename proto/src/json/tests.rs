@@ -24,6 +24,7 @@ fn answer() -> Answer {
         revision: 3,
         through: Some(5),
         settled: true,
+        converged: false,
         present: true,
         confidence: 0.75,
         coverage: 1.0,
@@ -39,8 +40,8 @@ fn answer() -> Answer {
 }
 
 const ANSWER_JSON: &str = concat!(
-    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"through":5,"settled":true,"present":true,"#,
-    r#""confidence":0.75,"coverage":1.0,"threshold":0.5"#
+    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"through":5,"settled":true,"converged":false,"#,
+    r#""present":true,"confidence":0.75,"coverage":1.0,"threshold":0.5"#
 );
 
 #[test]
@@ -101,6 +102,7 @@ fn segmentations() {
         revision: 3,
         through: Some(5),
         settled: true,
+        converged: true,
         coverage: 1.0,
         threshold: 0.5,
         legend: vec![entry],
@@ -112,7 +114,7 @@ fn segmentations() {
         "{}{TIMING_JSON}}}",
         concat!(
             r#"{"query_id":"q","texts":["cup","sofa"],"map":"room","revision":3,"through":5,"#,
-            r#""settled":true,"coverage":1.0,"#,
+            r#""settled":true,"converged":true,"coverage":1.0,"#,
             r##""threshold":0.5,"legend":[{"label":1,"text":"cup","color":"#e6194b","share":0.5}],"##,
             r#""labels":{"width":64,"height":48,"url":"/l"},"timing_ms":"#
         )
@@ -141,6 +143,7 @@ fn maps_and_keyframes() {
         queue_depth: 12,
         queue_capacity: 13,
         settled: true,
+        refinement: "converged".into(),
         failure: None,
         recording_damage: None,
         up: None,
@@ -151,7 +154,7 @@ fn maps_and_keyframes() {
         r#""frames_lost":4,"#,
         r#""frames_dropped":5,"frames_refused":6,"keyframes":7,"gaussians":8,"gpu_bytes":9,"#,
         r#""keyframe_bytes":10,"tracking_state":"tracking","olae_version":11,"queue_depth":12,"#,
-        r#""queue_capacity":13,"settled":true"#
+        r#""queue_capacity":13,"settled":true,"refinement":"converged""#
     );
     assert_json(&Maps { maps: vec![status.clone()] }, &format!(r#"{{"maps":[{json}}}]}}"#));
     let failed = Status { failure: Some("full".into()), ..status };
@@ -186,6 +189,8 @@ fn events() {
     assert_json(&lost, json);
     let revision = RevisionEvent { revision: 3, gaussians: 8, keyframes: 2 };
     assert_json(&revision, r#"{"revision":3,"gaussians":8,"keyframes":2}"#);
+    let refinement = RefinementEvent { refinement: "refining".into() };
+    assert_json(&refinement, r#"{"refinement":"refining"}"#);
     assert_json(&MissedEvent { first: 4, last: 7 }, r#"{"first":4,"last":7}"#);
 }
 

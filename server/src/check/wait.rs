@@ -9,7 +9,7 @@ const USUAL_SECONDS: f64 = 30.0;
 /// The longest wait, seconds.
 const MOST_SECONDS: f64 = 600.0;
 
-/// Checks the options `wait` ("settled", or empty), `min_sequence` and `wait_seconds`.
+/// Checks the options `wait` ("settled", "converged", or empty), `min_sequence` and `wait_seconds`.
 ///
 /// # Errors
 /// [`Refusal`] names the option.
@@ -18,11 +18,13 @@ pub(crate) fn wait(
     min_sequence: Option<u64>,
     wait_seconds: Option<f64>,
 ) -> Result<Wait, Refusal> {
-    let settled = match wait.unwrap_or_default() {
-        "" => false,
-        "settled" => true,
+    let (settled, converged) = match wait.unwrap_or_default() {
+        "" => (false, false),
+        "settled" => (true, false),
+        "converged" => (true, true),
         found => {
-            return Err(Refusal::new("wait", format!("expected \"settled\", found {found:?}")));
+            let expected = format!("expected \"settled\" or \"converged\", found {found:?}");
+            return Err(Refusal::new("wait", expected));
         }
     };
     let seconds = wait_seconds.unwrap_or(USUAL_SECONDS);
@@ -30,7 +32,7 @@ pub(crate) fn wait(
         let expected = format!("expected 0 to {MOST_SECONDS}, found {seconds}");
         return Err(Refusal::new("wait_seconds", expected));
     }
-    Ok(Wait { settled, min_sequence, longest: Duration::from_secs_f64(seconds) })
+    Ok(Wait { settled, converged, min_sequence, longest: Duration::from_secs_f64(seconds) })
 }
 
 #[cfg(test)]
@@ -43,9 +45,11 @@ mod tests {
         let nothing = Wait { longest: usual, ..Wait::default() };
         assert_eq!(wait(None, None, None).unwrap(), nothing);
         assert_eq!(wait(Some(""), None, None).unwrap(), nothing);
-        let all =
-            Wait { settled: true, min_sequence: Some(7), longest: Duration::from_millis(500) };
+        let longest = Duration::from_millis(500);
+        let all = Wait { settled: true, converged: false, min_sequence: Some(7), longest };
         assert_eq!(wait(Some("settled"), Some(7), Some(0.5)).unwrap(), all);
+        let all = Wait { converged: true, ..all };
+        assert_eq!(wait(Some("converged"), Some(7), Some(0.5)).unwrap(), all);
         let refused = |word, seconds| wait(word, None, seconds).unwrap_err().field;
         assert_eq!(refused(Some("done"), None), "wait");
         for seconds in [-1.0, 601.0, f64::NAN, f64::INFINITY] {

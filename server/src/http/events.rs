@@ -15,7 +15,9 @@ use axum::Extension;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
-use lexsplat_proto::json::{self, FrameEvent, InputWarningEvent, MissedEvent, RevisionEvent};
+use lexsplat_proto::json::{
+    self, FrameEvent, InputWarningEvent, MissedEvent, RefinementEvent, RevisionEvent,
+};
 use serde::Serialize;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -67,6 +69,10 @@ impl Reader {
                 let (problem, message) = (warning.problem.as_str().into(), warning.message.clone());
                 let warning = InputWarningEvent { sequence, problem, message };
                 server_sent("input_warning", Some(event.id), &warning)
+            }
+            MapEvent::Refinement(refinement) => {
+                let refinement = refinement.as_str().into();
+                server_sent("refinement", Some(event.id), &RefinementEvent { refinement })
             }
             MapEvent::Revision { revision, gaussians, keyframes } => {
                 let (revision, gaussians, keyframes) = (*revision, *gaussians, *keyframes);

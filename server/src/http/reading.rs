@@ -11,7 +11,8 @@ use utoipa::IntoParams;
 #[derive(Clone, Debug, Default, Deserialize, IntoParams)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct WaitOptions {
-    /// "settled": wait until the map has done its work on all frames that were acknowledged.
+    /// "settled": wait until the map has done its work on all frames that were acknowledged. "converged": wait until
+    /// it has also been refined.
     pub(super) wait: Option<String>,
     /// Wait until the map has this frame.
     pub(super) min_sequence: Option<u64>,
@@ -32,13 +33,14 @@ impl WaitOptions {
 }
 
 /// Headers that say what a file is of: `lexsplat-revision`, `lexsplat-through` (the newest frame, if there is
-/// one) and `lexsplat-settled` (true or false).
+/// one), `lexsplat-settled` and `lexsplat-converged` (true or false).
 pub(super) fn headers(reading: &Reading) -> HeaderMap {
-    let Reading { snapshot, settled } = reading;
+    let Reading { snapshot, settled, converged } = reading;
     let through = snapshot.through.map(|through| ("lexsplat-through", through.to_string()));
     let always = [
         ("lexsplat-revision", snapshot.revision.to_string()),
         ("lexsplat-settled", settled.to_string()),
+        ("lexsplat-converged", converged.to_string()),
     ];
     let header = |(name, value): (&'static str, String)| {
         let value = HeaderValue::from_str(&value).expect("numbers and words");

@@ -133,6 +133,7 @@ fn cors(origins: &[String]) -> Option<CorsLayer> {
                 HeaderName::from_static("lexsplat-revision"),
                 HeaderName::from_static("lexsplat-through"),
                 HeaderName::from_static("lexsplat-settled"),
+                HeaderName::from_static("lexsplat-converged"),
             ]),
     )
 }

@@ -55,6 +55,7 @@ pub(super) fn status(status: MapStatus) -> json::Status {
         queue_depth: status.queue_depth,
         queue_capacity: status.queue_capacity,
         settled: status.settled,
+        refinement: status.refinement.as_str().into(),
         failure: status.failure,
         recording_damage: status.recording_damage,
         up: status.up.map(up),
@@ -112,6 +113,7 @@ pub(super) fn answer(
         revision: answer.revision,
         through: reading.snapshot.through,
         settled: reading.settled,
+        converged: reading.converged,
         present: answer.present,
         confidence: answer.confidence,
         coverage: answer.coverage,
@@ -177,6 +179,7 @@ pub(super) fn segmentation(
         revision: found.revision,
         through: reading.snapshot.through,
         settled: reading.settled,
+        converged: reading.converged,
         coverage: found.coverage,
         threshold: found.threshold,
         labels: found.image.as_ref().map(|image| {

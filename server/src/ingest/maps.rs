@@ -56,6 +56,7 @@ pub(super) fn wire_status(status: MapStatus) -> v1::MapStatus {
         olae_version: status.olae_version,
         queue_depth: u32::try_from(status.queue_depth).unwrap_or(u32::MAX),
         settled: status.settled,
+        refinement: status.refinement.as_str().into(),
         failure: status.failure.unwrap_or_default(),
         recording_damage: status.recording_damage.unwrap_or_default(),
         input_warnings: wire_warnings(status.input_warnings),
@@ -122,12 +123,11 @@ pub(super) async fn export(
     });
     let mut response = Response::new(ReceiverStream::new(stream));
     let metadata = response.metadata_mut();
-    let Reading { snapshot, settled } = reading;
+    let Reading { snapshot, settled, converged } = reading;
     metadata.insert("lexsplat-revision", snapshot.revision.into());
-    metadata.insert(
-        "lexsplat-settled",
-        MetadataValue::from_static(if settled { "true" } else { "false" }),
-    );
+    for (name, is) in [("lexsplat-settled", settled), ("lexsplat-converged", converged)] {
+        metadata.insert(name, MetadataValue::from_static(if is { "true" } else { "false" }));
+    }
     if let Some(through) = snapshot.through {
         metadata.insert("lexsplat-through", through.into());
     }

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::status;
 use crate::check::{self, Question};
 use crate::export::extremes;
+use crate::pipeline::map::Reading;
 use crate::pipeline::query::{Answer, Client, Heatmap, Object, ScoredPoint, Segmentation, Timing};
 use crate::query_id::query_id;
 use crate::telemetry::QUERY_SECONDS;
@@ -39,8 +40,9 @@ pub(super) async fn answer(
             segmentation(found, texts, map.name().into())
         }
     };
-    let through = reading.snapshot.through;
-    let response = v1::QueryResponse { through, settled: reading.settled, ..response };
+    let Reading { snapshot, settled, converged } = reading;
+    let through = snapshot.through;
+    let response = v1::QueryResponse { through, settled, converged, ..response };
     metrics::histogram!(QUERY_SECONDS, "edge" => "grpc").record(started.elapsed());
     Ok(response)
 }

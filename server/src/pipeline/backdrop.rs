@@ -15,6 +15,15 @@ use lexsplat_gpu::{HostGaussians, HostHead};
 /// reaches.
 pub(super) const BACKDROP_LOGIT: f32 = -30.0;
 
+/// Logit of the language opacity of a Gaussian that adds detail to the color of a place that has language
+/// already: transparent, below what optimisation reaches, and no backdrop.
+pub(super) const DETAIL_LOGIT: f32 = -10.0;
+
+/// Whether a Gaussian with this language opacity logit can show language.
+pub(super) fn can_have_language(language_logit: f32) -> bool {
+    language_logit > DETAIL_LOGIT + 0.5
+}
+
 /// The frame with a depth of `metres` wherever nothing was measured.
 pub(super) fn filled(frame: &DownsampledFrame, metres: f32) -> DownsampledFrame {
     let fill = |depth: &f32| if *depth > 0.0 { *depth } else { metres };

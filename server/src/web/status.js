@@ -25,12 +25,18 @@ export function drawStatus(status) {
     chip('queue', `${status.queue_depth} / ${status.queue_capacity}`),
     chip('revision', count(status.revision)),
     chip('memory', `${((status.gpu_bytes + status.keyframe_bytes) / 2 ** 20).toFixed(0)} MiB`),
-    chip('mapper', status.settled ? 'settled' : 'working'),
+    chip('mapper', mapper(status)),
   ];
   if (status.frames_refused) chips.push(chip('refused', count(status.frames_refused), 'bad'));
   if (status.failure) chips.push(chip('failed', status.failure, 'bad'));
   $('status').replaceChildren(...chips);
   drawWarnings(status.input_warnings ?? []);
+}
+
+// What the mapper does.
+function mapper({ settled, refinement }) {
+  if (!settled) return 'working';
+  return ['refining', 'converged'].includes(refinement) ? refinement : 'settled';
 }
 
 // What is probably wrong with the frames that were sent.

@@ -154,6 +154,7 @@ async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) 
         poses: Poses::Estimate,
         encoder: variant.encoder,
         hold_out_every: None,
+        converged: false,
         language: true,
         lpips: None,
     };

@@ -58,6 +58,9 @@ pub struct Evaluate {
     /// Go through the frames N times, forwards and backwards: a long walk through a known scene
     #[arg(long, value_name = "N", default_value = "1")]
     passes: NonZeroUsize,
+    /// Score the map after it was refined; without this a server that is started does not refine
+    #[arg(long)]
+    converged: bool,
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
@@ -171,6 +174,7 @@ fn options(arguments: &Evaluate) -> Result<Options> {
         poses: arguments.poses.into(),
         encoder: arguments.encoder.into(),
         hold_out_every: NonZeroUsize::new(arguments.held_out),
+        converged: arguments.converged,
         language: arguments.language,
         lpips: arguments.lpips.as_deref().map(Lpips::load).transpose()?,
     })

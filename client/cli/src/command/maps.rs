@@ -119,6 +119,8 @@ fn state(map: &Status) -> String {
             format!("loading, {} of {} frames", loading.frames_done, loading.frames_total)
         }
         (MapState::Loading, _) => "waits to be loaded".into(),
+        (MapState::Ready, _) if map.settled && map.refinement == "refining" => "refining".into(),
+        (MapState::Ready, _) if map.settled && map.refinement == "converged" => "converged".into(),
         (MapState::Ready, _) if map.settled => "settled".into(),
         (MapState::Ready, _) => "working".into(),
     }
@@ -207,6 +209,9 @@ mod tests {
             "loading": {"frames_done": 12, "frames_total": 60}});
         assert_eq!(state(&status(loading)), "loading, 12 of 60 frames");
         assert_eq!(state(&status(json!({"state": "failed", "failure": "full"}))), "failed");
-        assert_eq!(state(&status(json!({"settled": false}))), "working");
+        assert_eq!(state(&status(json!({"settled": false, "refinement": "waiting"}))), "working");
+        assert_eq!(state(&status(json!({"refinement": "refining"}))), "refining");
+        assert_eq!(state(&status(json!({"refinement": "converged"}))), "converged");
+        assert_eq!(state(&status(json!({"refinement": "off"}))), "settled");
     }
 }

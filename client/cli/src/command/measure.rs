@@ -18,6 +18,9 @@ use std::sync::Arc;
 /// relevancy of 0.5 lies in the middle, times the temperature of 10.
 const ORACLE_BIAS: (&str, &str) = ("QUERY__BIAS", "5.1");
 
+/// The setting that turns refinement off, and its key.
+const NO_REFINEMENT: ((&str, &str), &str) = (("MAPPER__REFINE_SWEEPS", "0"), "refine_sweeps");
+
 /// Measures on a server that is started for it and stopped afterwards. The map is called `map`, or
 /// like the data set.
 pub async fn measure_own(
@@ -29,7 +32,12 @@ pub async fn measure_own(
     if options.encoder == Encoder::Oracle {
         plan.settings.push(ORACLE_BIAS);
     }
-    let settings = settings(&plan)?;
+    let mut settings = settings(&plan)?;
+    // A map that goes on changing cannot be scored. Older builds do not refine.
+    if !options.converged && settings.contains(NO_REFINEMENT.1) {
+        plan.settings.push(NO_REFINEMENT.0);
+        settings = self::settings(&plan)?;
+    }
     let mut server = Server::start(&plan).await?;
     let (grpc, http) = (server.ready.grpc.clone(), server.ready.http.clone());
     let map = map.unwrap_or_else(|| dataset.name().to_owned());

@@ -69,8 +69,8 @@ pub async fn run(arguments: &Query) -> Result<()> {
         return segment::run(&asked, out).await;
     }
     let answer = waiting::shown(client.query(map, &question)).await?;
-    let Answer { revision, through, settled, .. } = answer;
-    waiting::note(&ReadOf { revision, through, settled });
+    let Answer { revision, through, settled, converged, .. } = answer;
+    waiting::note(&ReadOf { revision, through, settled, converged });
     make_folder(out)?;
     if *json {
         println!("{}", serde_json::to_string_pretty(&answer)?);

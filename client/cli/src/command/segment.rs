@@ -30,8 +30,8 @@ pub struct Asked<'a> {
 pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     let Asked { client, map, question, json } = asked;
     let found = waiting::shown(client.segment(map, question)).await?;
-    let Segmentation { revision, through, settled, .. } = found;
-    waiting::note(&ReadOf { revision, through, settled });
+    let Segmentation { revision, through, settled, converged, .. } = found;
+    waiting::note(&ReadOf { revision, through, settled, converged });
     make_folder(out)?;
     match json {
         true => println!("{}", serde_json::to_string_pretty(&found)?),

@@ -115,6 +115,7 @@ pub fn example_report() -> Report {
         fps: 5.0,
         seconds_per_frame: 0.2,
         settle_seconds: 3.0,
+        refined: None,
         seconds_per_frame_settled: 0.275,
         processor_seconds_per_frame: Some(0.5),
         scaled: Some(Scaled::new(&probe, [8.0, 3.0], &stages, 40)),

@@ -13,6 +13,6 @@ mod scaled;
 pub use page::markdown;
 pub use paper::Paper;
 pub(crate) use record::Measured;
-pub use record::Report;
+pub use record::{Refined, Report};
 pub use rows::{Row, rows};
 pub use scaled::Scaled;

@@ -59,6 +59,8 @@ pub struct Report {
     /// the map was settled, seconds; null if it is not a process of this machine that was started
     /// for the evaluation.
     pub processor_seconds_per_frame: Option<f64>,
+    /// How the map was refined before it was scored; null if it was not waited for.
+    pub refined: Option<Refined>,
     /// The times above and the stages', as they would be on the probe's reference machine.
     pub scaled: Option<Scaled>,
     /// The probe of the machine; null if the server runs on another one.
@@ -115,6 +117,15 @@ pub struct Report {
     pub views: Vec<ViewScore>,
 }
 
+/// The refinement of a settled map.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Refined {
+    /// Seconds until the map had converged.
+    pub seconds: f64,
+    /// Processor time of the server meanwhile, user and system, seconds; null if it is not known.
+    pub processor_seconds: Option<f64>,
+}
+
 /// The results that a report is made of.
 pub(crate) struct Measured<'a> {
     pub dataset: &'a dyn Dataset,
@@ -123,6 +134,7 @@ pub(crate) struct Measured<'a> {
     pub summary: Summary,
     pub status: Status,
     pub settle_seconds: f64,
+    pub refined: Option<Refined>,
     pub peak_rss_bytes: Option<u64>,
     pub ate: Option<Ate>,
     pub views: Vec<ViewScore>,
@@ -160,6 +172,7 @@ impl Report {
             settle_seconds,
             seconds_per_frame_settled: per_frame(summary.seconds + settle_seconds),
             processor_seconds_per_frame: measured.processor_seconds.map(per_frame),
+            refined: measured.refined,
             scaled: measured.probe.as_ref().map(|probe| {
                 let seconds = [summary.seconds, settle_seconds];
                 Scaled::new(probe, seconds, &measured.stages, summary.sent)

@@ -2,7 +2,7 @@
 //! where both measure the same quantity; its data set is always another one.
 
 use super::paper::PAPER;
-use super::record::Report;
+use super::record::{Refined, Report};
 use crate::language::Language;
 use crate::presence::Presence;
 use crate::space::Space;
@@ -55,6 +55,16 @@ fn speed_rows(report: &Report) -> Vec<Row> {
             decimals(report.processor_seconds_per_frame, 3),
         ),
         plain("settling after the last frame, s", format!("{:.1}", report.settle_seconds)),
+    ]
+    .into_iter()
+    .chain(report.refined.iter().flat_map(refinement_rows))
+    .collect()
+}
+
+fn refinement_rows(refined: &Refined) -> [Row; 2] {
+    [
+        plain("refinement after settling, s", format!("{:.1}", refined.seconds)),
+        plain("  processor time of the server, s", decimals(refined.processor_seconds, 1)),
     ]
 }
 

@@ -93,6 +93,7 @@ class Answer:
         revision: Of the map.
         through: The newest frame that the map had; None before the first.
         settled: Whether the map had done its work on all frames. If not, the answer may change.
+        converged: Whether the map had also been refined.
     """
 
     text: str
@@ -110,6 +111,7 @@ class Answer:
     revision: int
     through: int | None
     settled: bool
+    converged: bool
 
     @classmethod
     def _of(cls, wire: v1.QueryResponse) -> Answer:
@@ -145,6 +147,7 @@ class Segmentation:
         revision: Of the map.
         through: The newest frame that the map had; None before the first.
         settled: Whether the map had done its work on all frames.
+        converged: Whether the map had also been refined.
     """
 
     texts: list[str]
@@ -156,6 +159,7 @@ class Segmentation:
     revision: int
     through: int | None
     settled: bool
+    converged: bool
 
     @classmethod
     def _of(cls, wire: v1.QueryResponse) -> Segmentation:
@@ -210,6 +214,7 @@ class MapStatus:
         tracking_state: "empty", "tracking" or "lost".
         queue_depth: Frames that wait to be mapped.
         settled: Whether the map has done its work on all frames.
+        refinement: "waiting", "refining", "converged", or "off" if it is never done.
         failure: Why the map takes no more frames; empty if it does.
         recording_damage: What is wrong with the map's recording; empty if nothing is.
         input_warnings: What is probably wrong with the frames that were sent.
@@ -230,6 +235,7 @@ class MapStatus:
     tracking_state: str
     queue_depth: int
     settled: bool
+    refinement: str
     failure: str
     recording_damage: str
     input_warnings: list[str]
@@ -251,7 +257,8 @@ class MapStatus:
 
 def _of_map(wire: v1.QueryResponse) -> dict[str, Any]:
     through = wire.through if wire.HasField("through") else None
-    return {"revision": wire.revision, "through": through, "settled": wire.settled}
+    settled, converged = wire.settled, wire.converged
+    return {"revision": wire.revision, "through": through, "settled": settled, "converged": converged}
 
 
 def _floats(values: Any) -> Floats:

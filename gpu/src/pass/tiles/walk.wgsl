@@ -16,7 +16,8 @@ fn walk(rank: u32, first: u32, end: u32) -> u32 {
         let splat = splats[gaussian];
         let rect = tile_rect(splat);
         for (var y = rect.y; y < rect.w; y++) {
-            for (var x = rect.x; x < rect.z; x++) {
+            let columns = touched_columns(splat, rect, y);
+            for (var x = columns.x; x < columns.y; x++) {
                 if slot < end && touches(splat, vec2<u32>(x, y)) {
                     visit(y * pass_.tiles.x + x, slot, gaussian);
                     slot += 1u;

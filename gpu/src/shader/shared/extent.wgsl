@@ -34,3 +34,29 @@ fn touches(splat: Splat, tile: vec2<u32>) -> bool {
     );
     return least <= splat.form.w * 1.001 + 0.01;
 }
+
+/// Columns of a row of tiles outside of which the splat touches none: first, end. They bound the ellipse
+/// conic <= reach within the row, whose left and right borders are convex. The bound of `touches` is wider
+/// than the ellipse by what rounding may hide.
+fn touched_columns(splat: Splat, rect: vec4<u32>, row: u32) -> vec2<u32> {
+    let conic = conic_of_splat(splat);
+    let far = splat.extent + TILE_SIZE;
+    let hidden = 1e-5 * (conic.x * far.x * far.x + conic.z * far.y * far.y);
+    let reach = splat.form.w * 1.001 + 0.01 + hidden;
+    // 4 xx yy - xy^2 without its cancellation.
+    let round = 4.0 * splat.place.z * splat.form.x;
+    let low = f32(row) * TILE_SIZE.y - splat.place.y;
+    let high = low + TILE_SIZE.y - 1.0;
+    // Where the ellipse is farthest to the left; to the right it is the opposite.
+    let extreme = conic.y * sqrt(reach / (round * conic.z));
+    let y = clamp(vec2<f32>(extreme, -extreme), vec2<f32>(low), vec2<f32>(high));
+    let half = sqrt(max(4.0 * conic.x * reach - round * y * y, vec2<f32>(0.0)));
+    let x = (-conic.y * y + vec2<f32>(-1.0, 1.0) * half) / (2.0 * conic.x) + splat.place.x;
+    let slack = 0.5 + 1e-3 * splat.extent.x;
+    let columns = floor((x + vec2<f32>(-slack, slack)) / TILE_SIZE.x) + vec2<f32>(0.0, 1.0);
+    let inside = clamp(columns, vec2<f32>(f32(rect.x)), vec2<f32>(f32(rect.z)));
+    let all = vec2<f32>(f32(rect.x), f32(rect.z));
+    // A number that is not finite bounds nothing.
+    let is_known = columns.x <= columns.y;
+    return vec2<u32>(select(all, inside, is_known));
+}

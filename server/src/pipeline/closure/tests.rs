@@ -120,7 +120,7 @@ impl Site {
     }
 
     fn keyframe(&self, frame: &Frame, tracked: &TrackedPose) -> Keyframe {
-        let widths = KeyframeWidths { training: 160, tracking: 160 };
+        let widths = KeyframeWidths { training: 160, tracking: 160, full: false };
         Keyframe::new(frame, tracked, widths).expect("there is room")
     }
 

@@ -4,11 +4,12 @@ use super::super::depth_gaps;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::exposure;
 use super::super::features::Features;
-use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose};
+use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose, rasteriser_camera};
 use super::super::pose_adam::PoseAdam;
 use super::super::up::Facet;
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
+use super::windows::{FullDepth, Grid, cut};
 use lexsplat_gpu::{Camera, ColorTarget, GpuError};
 use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
@@ -29,6 +30,8 @@ pub(in super::super) struct Keyframe {
     pub training: DownsampledFrame,
     /// The training image, for steps on it.
     pub target: ColorTarget,
+    /// Depth as received, if the training image is smaller and the map is refined.
+    pub(super) full_depth: Option<FullDepth>,
     /// Color and depth at the tracker's resolution (`tracker.width`). Its pose is not kept up to date.
     pub tracking: DownsampledFrame,
     /// Exposure (a, b): the map's intensity is exp(a) times the keyframe's plus b. The inverse of
@@ -59,6 +62,8 @@ pub(in super::super) struct Keyframe {
 pub(in super::super) struct KeyframeWidths {
     pub training: u32,
     pub tracking: u32,
+    /// Whether it is kept at full size as well.
+    pub full: bool,
 }
 
 impl Keyframe {
@@ -76,14 +81,17 @@ impl Keyframe {
             |width| depth_gaps::closed(&DownsampledFrame::new(frame, pose, width)).into_owned();
         let training = resized(widths.training);
         let target = color_target(&training)?;
-        let is_same_size =
-            DownsampledFrame::columns(frame, widths.tracking) == training.camera.width;
+        let width = training.camera.width;
+        let is_reduced = width < frame.intrinsics.width;
+        let full_depth = (widths.full && is_reduced).then(|| FullDepth::new(frame));
+        let is_same_size = DownsampledFrame::columns(frame, widths.tracking) == width;
         let tracking = if is_same_size { training.clone() } else { resized(widths.tracking) };
         Ok(Self {
             frame: TrackedFrame::new(frame, tracked),
             intrinsics: frame.intrinsics,
             rgb: frame.rgb.clone(),
             target,
+            full_depth,
             map_exposure: tracked.exposure,
             features: Features::detect(&tracking),
             thumbnail: Thumbnail::new(&tracking),
@@ -111,7 +119,25 @@ impl Keyframe {
         images.dedup();
         let host: usize = images.iter().map(|(_, bytes)| bytes).sum();
         let language = self.language.as_ref().map_or(0, KeyframeLanguage::bytes);
-        (host + self.features.bytes()) as u64 + language
+        let full_depth = self.full_depth.as_ref().map_or(0, FullDepth::bytes);
+        (host + self.features.bytes()) as u64 + language + full_depth
+    }
+
+    /// Number of windows that the full picture is cut into; 1 if the training image is all there is.
+    pub fn windows(&self) -> usize {
+        match &self.full_depth {
+            Some(_) => Grid::new(&self.intrinsics, &self.training.camera).len(),
+            None => 1,
+        }
+    }
+
+    /// A window of the full picture; the training image if that is all there is.
+    pub fn window(&self, index: usize) -> Cow<'_, DownsampledFrame> {
+        let Some(depth) = &self.full_depth else { return Cow::Borrowed(&self.training) };
+        let full = rasteriser_camera(&self.intrinsics, &self.frame.world_from_camera);
+        let grid = Grid::new(&self.intrinsics, &self.training.camera);
+        let window = grid.window(index, &full);
+        Cow::Owned(cut(&self.rgb, depth, full.width as usize, window))
     }
 
     /// Sets the pose everywhere it is kept.
@@ -130,15 +156,15 @@ impl Keyframe {
         self.map_exposure = exposure::inverse(exposure.map(f64::from));
     }
 
-    /// The training image with its exposure removed.
-    pub fn in_map_colors(&self) -> Cow<'_, DownsampledFrame> {
+    /// One of its images with the exposure removed.
+    pub fn in_map_colors<'i>(&self, image: Cow<'i, DownsampledFrame>) -> Cow<'i, DownsampledFrame> {
         let [a, b] = self.frame.exposure;
         if [a, b] == [0.0; 2] {
-            return Cow::Borrowed(&self.training);
+            return image;
         }
         let map_color = |value: u8| (f32::from(value) / 255.0 - b) * (-a).exp() * 255.0;
-        let rgb = self.training.rgb.iter().map(|value| map_color(*value).round() as u8).collect();
-        Cow::Owned(DownsampledFrame { rgb, ..self.training.clone() })
+        let rgb = image.rgb.iter().map(|value| map_color(*value).round() as u8).collect();
+        Cow::Owned(DownsampledFrame { rgb, ..image.into_owned() })
     }
 
     /// The share of the keyframe's surface that lies in the image of a camera at `world_from_camera`, 0

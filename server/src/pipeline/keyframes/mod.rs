@@ -11,6 +11,7 @@ mod language;
 mod state;
 mod surface_sample;
 mod thumbnail;
+mod windows;
 
 pub(super) use keyframe::{Keyframe, KeyframeWidths};
 pub(super) use language::KeyframeLanguage;
@@ -63,6 +64,11 @@ impl KeyframeStore {
 
     pub fn newest(&self) -> Option<&Keyframe> {
         self.keyframes.last()
+    }
+
+    /// Position of the keyframe with this sequence number in [`KeyframeStore::iter`].
+    pub fn find(&self, sequence: u64) -> Option<usize> {
+        self.position(sequence)
     }
 
     /// The keyframe at a position in [`KeyframeStore::iter`].

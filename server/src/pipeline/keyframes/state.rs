@@ -10,6 +10,7 @@ use super::super::up::Facet;
 use super::keyframe::{Keyframe, color_target};
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
+use super::windows::FullDepth;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 use lexsplat_gpu::{Camera, Gpu, GpuError};
@@ -33,6 +34,7 @@ pub(in super::super) struct KeyframeState {
     training: Camera,
     #[serde(with = "CameraFields")]
     tracking: Camera,
+    full_depth: Option<HalfDepth>,
     map_exposure: [f64; 2],
     features: Features,
     thumbnail: Thumbnail,
@@ -53,6 +55,10 @@ struct Rgb(#[serde(with = "packed")] Arc<[u8]>);
 #[derive(Serialize, Deserialize)]
 struct Depth(#[serde(with = "packed")] Arc<[f32]>);
 
+/// The bits of half-precision depths.
+#[derive(Serialize, Deserialize)]
+struct HalfDepth(#[serde(with = "packed")] Vec<u16>);
+
 #[derive(Serialize, Deserialize)]
 struct LanguageState {
     #[serde(with = "CameraFields")]
@@ -71,6 +77,7 @@ impl KeyframeState {
         let (training, tracking) = (&keyframe.training, &keyframe.tracking);
         let (rgb, rgb_of) = distinct([&keyframe.rgb, &training.rgb, &tracking.rgb]);
         let (depths, depth_of) = distinct([&training.depth_metres, &tracking.depth_metres]);
+        let full_depth = keyframe.full_depth.as_ref();
         Ok(Self {
             frame: keyframe.frame,
             intrinsics: keyframe.intrinsics,
@@ -80,6 +87,7 @@ impl KeyframeState {
             depth_of,
             training: training.camera.clone(),
             tracking: tracking.camera.clone(),
+            full_depth: full_depth.map(|depth| HalfDepth(depth.0.reinterpret_cast().to_vec())),
             map_exposure: keyframe.map_exposure,
             features: keyframe.features.clone(),
             thumbnail: keyframe.thumbnail.clone(),
@@ -114,12 +122,20 @@ impl KeyframeState {
         };
         let target = color_target(&training)?;
         target.set_tile_errors(gpu, &self.tile_errors)?;
+        let depths = |HalfDepth(bits)| bits.into_iter().map(f16::from_bits).collect();
+        let full_depth = self.full_depth.map(|depth| FullDepth(depths(depth)));
+        if let Some(FullDepth(depth)) = &full_depth {
+            let expected = self.intrinsics.width as usize * self.intrinsics.height as usize;
+            expect_pixels("full depth", expected, depth.len())?;
+            expect_pixels("received rgb", 3 * expected, rgb(received)?.len())?;
+        }
         Ok(Keyframe {
             frame: self.frame,
             intrinsics: self.intrinsics,
             rgb: rgb(received)?,
             training,
             target,
+            full_depth,
             facets: Facet::sampled(&tracking),
             tracking,
             map_exposure: self.map_exposure,
@@ -149,6 +165,10 @@ impl LanguageState {
         }
         Ok(language)
     }
+}
+
+fn expect_pixels(what: &'static str, expected: usize, found: usize) -> Result<(), GpuError> {
+    if expected == found { Ok(()) } else { Err(GpuError::ShapeMismatch { what, expected, found }) }
 }
 
 /// The arrays without those that are the same memory as an earlier one, and which of them each array is.

@@ -40,7 +40,7 @@ fn keyframe(sequence: u64, image: DownsampledFrame) -> Keyframe {
         relocalised: false,
         beside: None,
     };
-    let widths = KeyframeWidths { training: 80, tracking: 160 };
+    let widths = KeyframeWidths { training: 80, tracking: 160, full: true };
     Keyframe::new(&frame, &tracked, widths).expect("it has all its pixels")
 }
 
@@ -85,9 +85,10 @@ fn a_forgotten_keyframe_leaves_its_pose_and_frees_its_bytes() {
 #[test]
 fn bytes_count_shared_images_once() {
     let store = store();
-    // Full size: 160x120 RGB, and depth that the tracker shares; half size: RGB and depth.
+    // Full size: 160x120 RGB, depth that the tracker shares, and depth in half precision; half size: RGB and
+    // depth.
     let (full, half) = (160 * 120, 80 * 60);
-    assert_eq!(store.bytes(), 3 * (full * 7 + half * 7));
+    assert_eq!(store.bytes(), 3 * (full * (7 + 2) + half * 7));
 }
 
 #[test]

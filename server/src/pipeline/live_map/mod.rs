@@ -3,10 +3,12 @@
 //! No threads, channels or kernels: the stages of `mapper/` work on this state, and the map's thread decides
 //! when. What a checkpoint has to save is this struct.
 
+mod refinement;
 mod state;
 mod step_budget;
 mod trajectory;
 
+pub(super) use refinement::{Refinement, Window};
 pub(super) use state::LiveState;
 pub(super) use step_budget::{StepBudget, StepKind};
 pub(super) use trajectory::Trajectory;
@@ -34,6 +36,8 @@ pub(super) struct LiveMap {
     pub online: Box<dyn OnlineStage>,
     /// Optimiser steps that are due.
     pub steps: StepBudget,
+    /// How far the map is refined at full size.
+    pub refinement: Refinement,
     /// Chooses the keyframes that are replayed.
     pub rng: ChaCha8Rng,
     /// Number of Gaussians when they were last brought into spatial order.
@@ -56,6 +60,7 @@ impl LiveMap {
             graph: PoseGraph::default(),
             online,
             steps,
+            refinement: Refinement::default(),
             rng: ChaCha8Rng::seed_from_u64(SEED),
             sorted_len: 0,
             farthest_metres: 0.0,
@@ -71,6 +76,7 @@ impl LiveMap {
         self.trajectory = Trajectory::default();
         self.graph = PoseGraph::default();
         self.steps = steps;
+        self.refinement = Refinement::default();
         self.sorted_len = 0;
         self.farthest_metres = 0.0;
         self.largest_scale_metres = 0.0;

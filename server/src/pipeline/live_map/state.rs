@@ -2,6 +2,7 @@
 
 use super::super::frame::TrackedFrame;
 use super::super::pose_graph::PoseGraph;
+use super::refinement::Refinement;
 use super::step_budget::StepBudget;
 use super::trajectory::Trajectory;
 use rand_chacha::ChaCha8Rng;
@@ -19,6 +20,7 @@ pub(in super::super) struct LiveState {
     #[serde(with = "super::super::saving::packed")]
     pub online: Vec<u8>,
     pub steps: StepBudget,
+    pub refinement: Refinement,
     pub rng: ChaCha8Rng,
     pub sorted_len: usize,
     pub farthest_metres: f32,

@@ -5,6 +5,7 @@ use super::super::encoder::LanguageMap;
 use super::super::frame::{Frame, FrameOutcome};
 use super::super::frame_times::FrameTimes;
 use super::super::input_warning::InputWarning;
+use super::status::Refinement;
 use tokio::sync::{OwnedSemaphorePermit, oneshot};
 
 /// An event for watchers.
@@ -28,6 +29,8 @@ pub enum MapEvent {
         /// Keyframes in it.
         keyframes: usize,
     },
+    /// The refinement of the map begins, pauses or ends.
+    Refinement(Refinement),
 }
 
 /// An event with its number.
@@ -60,6 +63,8 @@ pub(in super::super) enum Message {
     LanguageRoom,
     /// A reader wants a copy of the map as it is.
     CopyWanted,
+    /// A reader waits until the map has converged.
+    Refine,
     /// The whole state is wanted, as soon as the map can be continued from it exactly.
     Save(oneshot::Sender<Result<Checkpoint, String>>),
     Stop,

@@ -14,7 +14,7 @@ pub use error::MapError;
 pub(super) use event::Message;
 pub use event::{MapEvent, NumberedEvent};
 pub use reading::{Reading, Wait};
-pub use status::MapStatus;
+pub use status::{MapStatus, Refinement};
 
 use super::frame::{Frame, FrameOutcome, TrackingState};
 use super::frame_times::FrameTimes;
@@ -40,6 +40,7 @@ const COPY_PATIENCE: Duration = Duration::from_secs(30);
 /// State behind the lock. The lock is held briefly and never over an await.
 struct Shared {
     tracking: TrackingState,
+    refinement: Refinement,
     failure: Option<String>,
     recording_damage: Option<String>,
     input_warnings: Vec<InputWarning>,
@@ -87,6 +88,7 @@ impl Map {
             counters: Counters::default(),
             shared: Mutex::new(Shared {
                 tracking: TrackingState::Empty,
+                refinement: Refinement::Off,
                 failure: None,
                 recording_damage: None,
                 input_warnings: Vec::new(),
@@ -121,18 +123,25 @@ impl Map {
     /// that has failed is not waited for.
     pub async fn read(&self, wait: &Wait) -> Reading {
         let began = Instant::now();
+        if wait.converged {
+            // An error means that the thread has stopped, or that its queue is full for so long.
+            let refine = self.messages.send(Message::Refine);
+            let _ = tokio::time::timeout_at(began + wait.longest, refine).await;
+        }
         loop {
             let progressed = self.progressed.notified();
             tokio::pin!(progressed);
             progressed.as_mut().enable();
             // In this order: the last copy of a settled map has all of it.
             let settled = self.is_settled();
+            let converged = settled && self.shared().refinement.is_done();
             let Told { snapshot, outdated, is_first } = self.copies.ask();
             if outdated && is_first {
                 // A thread that has no room for messages looks by itself after each of them.
                 let _ = self.messages.try_send(Message::CopyWanted);
             }
-            let reading = Reading { snapshot, settled: settled && !outdated };
+            let [settled, converged] = [settled, converged].map(|done| done && !outdated);
+            let reading = Reading { snapshot, settled, converged };
             let has_ended = self.messages.is_closed() || self.failure().is_some();
             if has_ended || !outdated && reading.is_enough(wait) {
                 return reading;
@@ -270,6 +279,7 @@ impl Map {
             queue_depth,
             queue_capacity,
             settled,
+            refinement: shared.refinement,
             failure: shared.failure.clone(),
             recording_damage: shared.recording_damage.clone(),
             input_warnings: shared.input_warnings.clone(),
@@ -286,6 +296,13 @@ impl Map {
     pub(super) fn set_working(&self, working: bool) {
         self.counters.working.store(working, Ordering::Release);
         self.progressed.notify_waiters();
+    }
+
+    /// Called by the map's thread: how far the map is refined.
+    pub(super) fn set_refinement(&self, refinement: Refinement) {
+        if std::mem::replace(&mut self.shared().refinement, refinement) != refinement {
+            self.announce(MapEvent::Refinement(refinement));
+        }
     }
 
     /// Called by the map's thread: a frame is discarded because the map has failed.

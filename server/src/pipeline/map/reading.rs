@@ -9,6 +9,8 @@ use std::time::Duration;
 pub struct Wait {
     /// Until the map has done all its work on the frames that it has received.
     pub settled: bool,
+    /// Until it has also been refined.
+    pub converged: bool,
     /// Until readers see the map after this frame.
     pub min_sequence: Option<u64>,
     /// How long.
@@ -22,6 +24,8 @@ pub struct Reading {
     pub snapshot: Arc<MapSnapshot>,
     /// Whether no frame waited and no work was left when it was taken.
     pub settled: bool,
+    /// Whether the map had been refined as well, or never is.
+    pub converged: bool,
 }
 
 impl Reading {
@@ -29,6 +33,6 @@ impl Reading {
     pub(super) fn is_enough(&self, wait: &Wait) -> bool {
         let has_frame =
             wait.min_sequence.is_none_or(|wanted| self.snapshot.through >= Some(wanted));
-        has_frame && (self.settled || !wait.settled)
+        has_frame && (self.settled || !wait.settled) && (self.converged || !wait.converged)
     }
 }

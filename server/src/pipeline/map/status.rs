@@ -5,6 +5,38 @@ use super::super::input_warning::InputWarning;
 use super::super::up::MapUp;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+/// How far a map is refined at the size of its camera's pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Refinement {
+    /// It never is.
+    #[default]
+    Off,
+    /// Frames come first, and the steps that they earned; with the clock `per_frame` also as long as nobody
+    /// waits for it.
+    Waiting,
+    /// It is being refined.
+    Refining,
+    /// The map does not improve any more, or had all the sweeps that it may have.
+    Converged,
+}
+
+impl Refinement {
+    /// The name on the wire.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Waiting => "waiting",
+            Self::Refining => "refining",
+            Self::Converged => "converged",
+        }
+    }
+
+    /// Whether nothing is left to refine.
+    pub(super) fn is_done(self) -> bool {
+        matches!(self, Self::Off | Self::Converged)
+    }
+}
+
 /// Status of a map.
 #[derive(Clone, Debug)]
 pub struct MapStatus {
@@ -40,6 +72,8 @@ pub struct MapStatus {
     pub queue_capacity: usize,
     /// Whether no frame waits and no work is left.
     pub settled: bool,
+    /// How far the map is refined.
+    pub refinement: Refinement,
     /// Why the map takes no more frames, if so.
     pub failure: Option<String>,
     /// What is wrong with the recording that the map was rebuilt from, if anything.
@@ -70,6 +104,7 @@ impl MapStatus {
             queue_depth: 0,
             queue_capacity: 0,
             settled: false,
+            refinement: Refinement::Off,
             failure: None,
             recording_damage: None,
             input_warnings: Vec::new(),

@@ -6,6 +6,7 @@
 
 mod language_requests;
 mod publisher;
+mod refiner;
 mod saving;
 pub(super) mod start;
 
@@ -15,22 +16,23 @@ use super::compressor::CompressorConfig;
 use super::encoder::LanguageMap;
 use super::frame::{Frame, FrameOutcome, TrackedPose, TrackingState};
 use super::input_check::{Examined, InputCheck};
-use super::input_warning::{InputProblem, InputWarning};
+use super::input_warning::InputWarning;
 use super::keyframes::{Keyframe, KeyframeWidths};
 use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
-use super::mapper::{Clock, MapperConfig, insert, language, optimise, select};
+use super::mapper::{Clock, MapperConfig, insert, language, optimise, refine, select};
 use super::pose_covariance::carried;
 use super::registration;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
-    MAPPING_SECONDS, TRACKING_SECONDS, timed,
+    MAPPING_SECONDS, REFINEMENT_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
 use lexsplat_gpu::{Gpu, GpuError, Trainer};
 use nalgebra::Isometry3;
 use publisher::Publisher;
+use refiner::Refiner;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot};
@@ -53,6 +55,7 @@ struct MapThread {
     trainer: Trainer,
     language: LanguageRequests,
     publisher: Publisher,
+    refiner: Refiner,
     /// Frames deferred until the current keyframe is optimised (clock `per_frame`).
     deferred: VecDeque<Message>,
     /// How far the map has come.
@@ -60,15 +63,6 @@ struct MapThread {
     /// Who waits for the state of the map.
     saves: Vec<oneshot::Sender<Result<Checkpoint, String>>>,
     map: Arc<Map>,
-}
-
-/// Tells that the map was emptied and begins with the frame of this sequence number.
-fn bad_beginning(sequence: u64) -> InputWarning {
-    let message = format!(
-        "The first frames of the map could not be tracked together with those that came after: it was emptied and \
-         begins anew with frame {sequence}. Over-exposed or dark pictures, or a hand before the lens, look like that."
-    );
-    InputWarning { problem: InputProblem::BadBeginning, message }
 }
 
 /// What became of a tracked frame.
@@ -82,6 +76,7 @@ struct Mapped {
 enum Work {
     Handle(Message),
     Optimise,
+    Refine,
 }
 
 impl MapThread {
@@ -105,18 +100,19 @@ impl MapThread {
                 Work::Handle(Message::Save(reply)) => self.saves.push(reply),
                 Work::Handle(message) => self.handle(message)?,
                 Work::Optimise => self.optimise()?,
+                Work::Refine => self.refine()?,
             }
             self.language.send(&self.live.keyframes);
             self.publish_if_due()?;
             self.save_if_wanted()?;
-            self.map.set_working(!self.is_idle());
+            self.tell_state();
         }
         Ok(())
     }
 
     /// Waits for the next work. Frames come before optimiser steps; with the clock `per_frame` a frame
-    /// waits until the keyframe before it has its language and all its steps. `None`: no handle to the map
-    /// is left.
+    /// waits until the keyframe before it has its language and all its steps. The map is refined when there is
+    /// nothing else. `None`: no handle to the map is left.
     fn next(&mut self, messages: &mut mpsc::Receiver<Message>) -> Option<Work> {
         if self.config.clock == Clock::PerFrame {
             while self.language.is_pending() {
@@ -134,6 +130,9 @@ impl MapThread {
         }
         if self.live.has_steps() {
             return Some(messages.try_recv().map_or(Work::Optimise, Work::Handle));
+        }
+        if self.is_idle() && self.refiner.is_due(&self.live) {
+            return Some(messages.try_recv().map_or(Work::Refine, Work::Handle));
         }
         messages.blocking_recv().map(Work::Handle)
     }
@@ -168,6 +167,10 @@ impl MapThread {
                 self.language.has_room();
                 Ok(())
             }
+            Message::Refine => {
+                self.refiner.want();
+                Ok(())
+            }
             // What is due after each message is done behind it.
             Message::CopyWanted | Message::Save(_) | Message::Stop => Ok(()),
         }
@@ -187,7 +190,7 @@ impl MapThread {
             Tracking::Found(tracked) => Some(*tracked),
             Tracking::Lost => None,
             Tracking::BeginAnew(first) => {
-                warnings.push(bad_beginning(first.sequence));
+                warnings.push(InputWarning::bad_beginning(first.sequence));
                 self.begin_anew(*first, &frame)?
             }
         };
@@ -299,7 +302,8 @@ impl MapThread {
         tracked: &TrackedPose,
     ) -> Result<Isometry3<f64>, GpuError> {
         let (training, tracking) = (self.config.train_width, self.tracker_config.width);
-        let widths = KeyframeWidths { training, tracking };
+        let full = self.config.refine_sweeps > 0;
+        let widths = KeyframeWidths { training, tracking, full };
         let mut keyframe = Keyframe::new(frame, tracked, widths)?;
         self.close_loops(&mut keyframe)?;
         timed(INSERTION_SECONDS, || {
@@ -308,6 +312,7 @@ impl MapThread {
         let world_from_camera = keyframe.frame.world_from_camera;
         self.live.keyframes.add(keyframe);
         self.live.steps.earn();
+        self.live.refinement.begin_anew();
         self.publisher.gaussians_changed();
         self.keep_to_budget();
         Ok(world_from_camera)
@@ -364,6 +369,14 @@ impl MapThread {
         Ok(())
     }
 
+    fn refine(&mut self) -> Result<(), GpuError> {
+        let Self { live, trainer, gpu, config, refiner, .. } = self;
+        if timed(REFINEMENT_SECONDS, || refine::step(live, trainer, gpu, config))? {
+            refiner.changed();
+        }
+        Ok(())
+    }
+
     /// Whether nothing is left to do before the next frame.
     fn is_idle(&self) -> bool {
         !self.live.has_steps() && !self.language.is_pending()
@@ -373,6 +386,9 @@ impl MapThread {
     /// makes a copy if one is due. With `per_frame` results would depend on the time of copying: it waits for
     /// the steps in flight, and steps that met full lists are then repeated in another order.
     fn publish_if_due(&mut self) -> Result<(), GpuError> {
+        if self.refiner.publishes(&self.live, self.publisher.age()) {
+            self.publisher.gaussians_changed();
+        }
         let is_realtime = self.config.clock == Clock::Realtime;
         let is_old = self.publisher.age().as_secs_f64() >= self.config.snapshot_seconds;
         if self.is_idle() || is_realtime && (is_old || self.map.copies().is_due()) {
@@ -380,6 +396,13 @@ impl MapThread {
             publisher.publish(live, trainer, map, progress.through)?;
         }
         Ok(())
+    }
+
+    /// In this order: who sees that no work is left knows how far the map is refined.
+    fn tell_state(&self) {
+        let is_idle = self.is_idle();
+        self.map.set_refinement(self.refiner.state(&self.live, is_idle));
+        self.map.set_working(!is_idle);
     }
 }
 

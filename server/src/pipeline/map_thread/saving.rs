@@ -62,7 +62,8 @@ impl MapThread {
         }
         let keyframes = keyframes.into_iter().map(|keyframe| keyframe.keyframe(&self.gpu));
         let keyframes = keyframes.collect::<Result<Vec<_>, _>>().map_err(on_device)?;
-        let LiveState { trajectory, forgotten, graph, steps, rng, sorted_len, .. } = core.live;
+        let LiveState { trajectory, forgotten, graph, steps, refinement, rng, sorted_len, .. } =
+            core.live;
         self.live = LiveMap {
             gaussians: gaussians.upload(&self.gpu).map_err(on_device)?,
             keyframes: KeyframeStore::restored(keyframes, forgotten),
@@ -70,6 +71,7 @@ impl MapThread {
             graph,
             online,
             steps,
+            refinement,
             rng,
             sorted_len,
             farthest_metres: core.live.farthest_metres,
@@ -85,7 +87,7 @@ impl MapThread {
         self.map.restore_progress(core.progress, self.tracker.state());
         self.publisher.tell(&self.live, &self.map);
         self.language.send(&self.live.keyframes);
-        self.map.set_working(!self.is_idle());
+        self.tell_state();
         Ok(())
     }
 }
@@ -97,6 +99,7 @@ fn live_state(live: &LiveMap) -> LiveState {
         graph: live.graph.clone(),
         online: live.online.save(),
         steps: live.steps.clone(),
+        refinement: live.refinement.clone(),
         rng: live.rng.clone(),
         sorted_len: live.sorted_len,
         farthest_metres: live.farthest_metres,

@@ -12,6 +12,7 @@ use super::super::snapshot::MapSnapshot;
 use super::super::tracker::{Tracker, TrackerConfig};
 use super::language_requests::LanguageRequests;
 use super::publisher::Publisher;
+use super::refiner::Refiner;
 use super::{MapThread, step_budget};
 use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, Ties, Trainer};
 use std::collections::VecDeque;
@@ -69,6 +70,7 @@ pub(in super::super) fn spawn(
         trainer,
         language: LanguageRequests::new(language.clone(), map.sender()),
         publisher: Publisher::new(),
+        refiner: Refiner::new(config),
         deferred: VecDeque::new(),
         progress: Progress::default(),
         saves: Vec::new(),
@@ -77,6 +79,7 @@ pub(in super::super) fn spawn(
     if let Some(saved) = saved {
         thread.restore(saved)?;
     }
+    thread.tell_state();
     let handle = std::thread::Builder::new()
         .name(format!("map {name}"))
         .spawn(move || thread.run(messages))

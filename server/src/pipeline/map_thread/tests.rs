@@ -4,7 +4,7 @@
 use super::super::checkpoint::Checkpoint;
 use super::super::engine::Engine;
 use super::super::frame::{Frame, FrameUp};
-use super::super::map::{Map, StreamGuard};
+use super::super::map::{Map, Refinement, StreamGuard, Wait};
 use super::super::snapshot::MapSnapshot;
 use super::super::up::UpSource;
 use crate::test_support::{ROOM_CAMERA as CAMERA, per_frame_engine, ray_cast_room, tinted};
@@ -211,4 +211,42 @@ async fn a_map_that_fails_shows_its_last_state() {
     assert!(last.revision >= told && !last.gaussians.is_empty());
     assert_eq!(last.trajectory.len() as u64, BEFORE);
     assert!(map.claim().is_err() || map.submit(frame(BEFORE + 1)).await.is_err(), "no more frames");
+}
+
+/// Waits until the map has converged, as a reader does.
+async fn converge(map: &Map) {
+    let wait = Wait { settled: true, converged: true, min_sequence: None, longest: PATIENCE };
+    assert!(map.read(&wait).await.converged, "{:?}", map.status());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_is_refined_when_a_reader_waits_for_it_and_stays_refined() {
+    let engine = per_frame_engine();
+    let map = engine.open("refined").unwrap();
+    let sender = map.claim().unwrap();
+    send(&sender, 0..BEFORE).await;
+    assert_eq!(map.status().refinement, Refinement::Waiting, "nobody asked");
+    let before = map.snapshot().await;
+    let copy = resumed(&engine, "refined-copy", copied(map.save().await.unwrap()));
+    for map in [&map, copy.map()] {
+        converge(map).await;
+        assert_eq!(map.status().refinement, Refinement::Converged);
+    }
+    let refined = map.snapshot().await;
+    assert!(refined.gaussians != before.gaussians, "negative control");
+    assert!(same(&refined, &copy.map().snapshot().await), "bit for bit");
+    let poses = |snapshot: &MapSnapshot| {
+        snapshot.trajectory.iter().map(|frame| frame.world_from_camera).collect::<Vec<_>>()
+    };
+    assert_eq!(poses(&refined), poses(&before));
+
+    // A restarted server has the refined map, and does not refine it again.
+    let restarted = resumed(&engine, "refined-restarted", copied(map.save().await.unwrap()));
+    assert_eq!(restarted.map().status().refinement, Refinement::Converged);
+    converge(restarted.map()).await;
+    assert!(same(&refined, &restarted.map().snapshot().await), "as it was");
+    // A new keyframe is another matter.
+    send(&sender, BEFORE..BEFORE + AFTER).await;
+    assert!(counts(&map)[2] > refined.keyframes.len() as u64, "{:?}", counts(&map));
+    assert_eq!(map.status().refinement, Refinement::Waiting);
 }

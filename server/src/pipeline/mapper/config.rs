@@ -62,6 +62,9 @@ pub struct MapperConfig {
     pub steps_per_keyframe: usize,
     /// Steps taken after each frame even if others wait (clock `realtime`).
     pub steps_per_frame: usize,
+    /// While no frame waits and no step is due, the map is refined at the size at which keyframes were received,
+    /// in at most this many sweeps through all of them [none]; 0: never.
+    pub refine_sweeps: usize,
     /// Number of newest keyframes that decide whether a frame shows something new.
     pub window: usize,
     /// One in this many color steps also optimises language. A keyframe's language gets the same share of
@@ -182,6 +185,7 @@ impl MapperConfig {
         within("mapper.snapshot_seconds", self.snapshot_seconds, 0.0..=DAY as f64)?;
         within("mapper.steps_per_keyframe", self.steps_per_keyframe, 0..=MAX_COUNT)?;
         within("mapper.steps_per_frame", self.steps_per_frame, 0..=MAX_COUNT)?;
+        within("mapper.refine_sweeps", self.refine_sweeps, 0..=MAX_COUNT)?;
         self.loss.check()?;
         self.focus.check()?;
         self.rates.check()
@@ -265,6 +269,7 @@ impl Default for MapperConfig {
             max_keyframe_mib: 2048,
             steps_per_keyframe: 20,
             steps_per_frame: 1,
+            refine_sweeps: 20,
             window: 8,
             language_every: 4,
             prune_every: 200,
@@ -329,6 +334,7 @@ mod tests {
             |c| c.steps_per_frame = MAX_COUNT + 1,
             |c| c.steps_per_frame = 0,
         ),
+        ("mapper.refine_sweeps", |c| c.refine_sweeps = MAX_COUNT + 1, |c| c.refine_sweeps = 0),
         ("mapper.max_maps", |c| c.max_maps = 0, |c| c.max_maps = 1),
         ("mapper.queue_frames", |c| c.queue_frames = 0, |c| c.queue_frames = 1),
         ("mapper.train_width", |c| c.train_width = 0, |c| c.train_width = 1),

@@ -9,6 +9,7 @@ pub(super) mod language;
 pub(super) mod optimise;
 mod pose_refinement;
 mod prune;
+pub(super) mod refine;
 pub(super) mod select;
 
 pub use config::{Clock, MapperConfig, TiesConfig};

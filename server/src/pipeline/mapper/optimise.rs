@@ -13,7 +13,7 @@ use rand::seq::IteratorRandom as _;
 use std::cmp::Reverse;
 
 /// No Gaussian grows beyond this many times the largest one that was inserted.
-const MAX_GROWTH: f32 = 2.0;
+pub(super) const MAX_GROWTH: f32 = 2.0;
 
 /// Takes one step from the map's budget. Returns whether the map changed: it does not while no keyframe has
 /// what the step is to optimise.
@@ -87,7 +87,7 @@ fn training_view<'a>(
     }
 }
 
-fn loss_weights(config: &MapperConfig) -> LossWeights {
+pub(super) fn loss_weights(config: &MapperConfig) -> LossWeights {
     let loss = &config.loss;
     LossWeights {
         color: loss.color,
@@ -99,7 +99,11 @@ fn loss_weights(config: &MapperConfig) -> LossWeights {
 }
 
 /// `decay` multiplies the rates of means and of the color head; language keeps its full rates.
-fn learning_rates(config: &MapperConfig, decay: f32, max_scale_metres: f32) -> LearningRates {
+pub(super) fn learning_rates(
+    config: &MapperConfig,
+    decay: f32,
+    max_scale_metres: f32,
+) -> LearningRates {
     let rates = &config.rates;
     LearningRates {
         mean: rates.mean * decay,

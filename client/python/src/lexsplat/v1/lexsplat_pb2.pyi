@@ -297,7 +297,7 @@ class DeleteMapResponse(_message.Message):
     def __init__(self) -> None: ...
 
 class MapStatus(_message.Message):
-    __slots__ = ("name", "revision", "frames_received", "frames_tracked", "frames_lost", "frames_dropped", "frames_refused", "keyframes", "gaussians", "gpu_bytes", "tracking_state", "olae_version", "queue_depth", "settled", "failure", "keyframe_bytes", "recording_damage", "input_warnings", "loading", "up")
+    __slots__ = ("name", "revision", "frames_received", "frames_tracked", "frames_lost", "frames_dropped", "frames_refused", "keyframes", "gaussians", "gpu_bytes", "tracking_state", "olae_version", "queue_depth", "settled", "failure", "keyframe_bytes", "recording_damage", "input_warnings", "loading", "up", "refinement")
     NAME_FIELD_NUMBER: _ClassVar[int]
     REVISION_FIELD_NUMBER: _ClassVar[int]
     FRAMES_RECEIVED_FIELD_NUMBER: _ClassVar[int]
@@ -318,6 +318,7 @@ class MapStatus(_message.Message):
     INPUT_WARNINGS_FIELD_NUMBER: _ClassVar[int]
     LOADING_FIELD_NUMBER: _ClassVar[int]
     UP_FIELD_NUMBER: _ClassVar[int]
+    REFINEMENT_FIELD_NUMBER: _ClassVar[int]
     name: str
     revision: int
     frames_received: int
@@ -338,7 +339,8 @@ class MapStatus(_message.Message):
     input_warnings: _containers.RepeatedCompositeFieldContainer[InputWarning]
     loading: LoadProgress
     up: MapUp
-    def __init__(self, name: _Optional[str] = ..., revision: _Optional[int] = ..., frames_received: _Optional[int] = ..., frames_tracked: _Optional[int] = ..., frames_lost: _Optional[int] = ..., frames_dropped: _Optional[int] = ..., frames_refused: _Optional[int] = ..., keyframes: _Optional[int] = ..., gaussians: _Optional[int] = ..., gpu_bytes: _Optional[int] = ..., tracking_state: _Optional[str] = ..., olae_version: _Optional[int] = ..., queue_depth: _Optional[int] = ..., settled: bool = ..., failure: _Optional[str] = ..., keyframe_bytes: _Optional[int] = ..., recording_damage: _Optional[str] = ..., input_warnings: _Optional[_Iterable[_Union[InputWarning, _Mapping]]] = ..., loading: _Optional[_Union[LoadProgress, _Mapping]] = ..., up: _Optional[_Union[MapUp, _Mapping]] = ...) -> None: ...
+    refinement: str
+    def __init__(self, name: _Optional[str] = ..., revision: _Optional[int] = ..., frames_received: _Optional[int] = ..., frames_tracked: _Optional[int] = ..., frames_lost: _Optional[int] = ..., frames_dropped: _Optional[int] = ..., frames_refused: _Optional[int] = ..., keyframes: _Optional[int] = ..., gaussians: _Optional[int] = ..., gpu_bytes: _Optional[int] = ..., tracking_state: _Optional[str] = ..., olae_version: _Optional[int] = ..., queue_depth: _Optional[int] = ..., settled: bool = ..., failure: _Optional[str] = ..., keyframe_bytes: _Optional[int] = ..., recording_damage: _Optional[str] = ..., input_warnings: _Optional[_Iterable[_Union[InputWarning, _Mapping]]] = ..., loading: _Optional[_Union[LoadProgress, _Mapping]] = ..., up: _Optional[_Union[MapUp, _Mapping]] = ..., refinement: _Optional[str] = ...) -> None: ...
 
 class MapUp(_message.Message):
     __slots__ = ("direction", "source", "confidence")
@@ -415,7 +417,7 @@ class Bounds(_message.Message):
     def __init__(self, min_metres: _Optional[_Union[Vector3, _Mapping]] = ..., max_metres: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class QueryResponse(_message.Message):
-    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled")
+    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged")
     QUERY_ID_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     MAP_FIELD_NUMBER: _ClassVar[int]
@@ -434,6 +436,7 @@ class QueryResponse(_message.Message):
     SEGMENTATION_FIELD_NUMBER: _ClassVar[int]
     THROUGH_FIELD_NUMBER: _ClassVar[int]
     SETTLED_FIELD_NUMBER: _ClassVar[int]
+    CONVERGED_FIELD_NUMBER: _ClassVar[int]
     query_id: str
     text: str
     map: str
@@ -452,7 +455,8 @@ class QueryResponse(_message.Message):
     segmentation: Segmentation
     through: int
     settled: bool
-    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ...) -> None: ...
+    converged: bool
+    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ...) -> None: ...
 
 class Segmentation(_message.Message):
     __slots__ = ("legend", "image", "points")

@@ -13,7 +13,7 @@ mod gain;
 mod history;
 mod quadtree;
 
-use super::super::backdrop;
+use super::super::backdrop::{self, DETAIL_LOGIT};
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
@@ -22,7 +22,7 @@ use disagreement::disagreement;
 use disks::new_gaussians;
 use gain::on_surface;
 use history::InsertionHistory;
-use lexsplat_gpu::{ColorImage, GpuError, Trainer};
+use lexsplat_gpu::{ColorImage, GpuError, HostGaussians, Trainer};
 use quadtree::{Cell, Subdivision, quadtree};
 use std::borrow::Cow;
 
@@ -50,10 +50,77 @@ pub(in super::super) fn insert(
     keyframe: &Keyframe,
     config: &MapperConfig,
 ) -> Result<(), GpuError> {
-    let rendered = trainer.renderer().render_color(&live.gaussians, &keyframe.training.camera)?;
     let depths = keyframe.training.depth_metres.iter().copied();
     live.farthest_metres = depths.fold(live.farthest_metres, f32::max);
-    let mut image = keyframe.in_map_colors();
+    let earlier: Vec<&DownsampledFrame> = live.keyframes.iter().map(|kf| &kf.training).collect();
+    let picture = Picture {
+        image: keyframe.in_map_colors(Cow::Borrowed(&keyframe.training)),
+        disagreement: disagreement(&keyframe.training, earlier.iter().copied()),
+        visitors: earlier,
+    };
+    tracing::debug!(
+        sequence = keyframe.frame.sequence,
+        disagreement = picture.disagreement,
+        "inserting"
+    );
+    let new = missing(live, trainer, picture, config)?;
+    append(live, &new)
+}
+
+/// Appends Gaussians for the detail that a window of a keyframe shows and the map does not have. Only keyframes
+/// whose detail was inserted count as visits. The new Gaussians have color alone: language is as coarse as
+/// before, and stays where it is.
+///
+/// # Errors
+/// As [`insert`].
+pub(super) fn insert_detail(
+    live: &mut LiveMap,
+    trainer: &mut Trainer,
+    at: usize,
+    window: usize,
+    config: &MapperConfig,
+) -> Result<(), GpuError> {
+    let keyframe = live.keyframes.at(at);
+    let earlier = live.keyframes.iter().take(at).map(|keyframe| &keyframe.training);
+    let is_visitor = |other: &&Keyframe| {
+        let sequence = other.frame.sequence;
+        sequence != keyframe.frame.sequence && live.refinement.has_detail_of(sequence)
+    };
+    let picture = Picture {
+        image: keyframe.in_map_colors(keyframe.window(window)),
+        disagreement: disagreement(&keyframe.training, earlier),
+        visitors: live.keyframes.iter().filter(is_visitor).map(|kf| &kf.training).collect(),
+    };
+    let mut new = missing(live, trainer, picture, config)?;
+    new.language.opacity_logits.fill(DETAIL_LOGIT);
+    append(live, &new)
+}
+
+fn append(live: &mut LiveMap, new: &HostGaussians) -> Result<(), GpuError> {
+    let scales = new.color.log_scales.as_flattened().iter().map(|scale| scale.exp());
+    live.largest_scale_metres = scales.fold(live.largest_scale_metres, f32::max);
+    live.gaussians.append(new)
+}
+
+/// A picture that the map is to explain.
+struct Picture<'a> {
+    /// In the map's exposure.
+    image: Cow<'a, DownsampledFrame>,
+    /// How much its keyframe disagrees with earlier ones.
+    disagreement: f32,
+    /// Keyframes that got Gaussians at this size before.
+    visitors: Vec<&'a DownsampledFrame>,
+}
+
+/// Gaussians for what a picture shows and the map does not have.
+fn missing(
+    live: &LiveMap,
+    trainer: &mut Trainer,
+    picture: Picture<'_>,
+    config: &MapperConfig,
+) -> Result<HostGaussians, GpuError> {
+    let Picture { mut image, disagreement, visitors } = picture;
+    let rendered = trainer.renderer().render_color(&live.gaussians, &image.camera)?;
     let backdrop_metres = config.insert_backdrop * live.farthest_metres;
     let has_backdrop = backdrop_metres > 0.0;
     if has_backdrop {
@@ -62,15 +129,10 @@ pub(in super::super) fn insert(
     let backdrop_metres = if has_backdrop { backdrop_metres } else { f32::INFINITY };
     let gains = gain::gains(&image, &rendered, backdrop_metres, config.insert_depth_error);
     image = gain::apply(image, gains);
-    let earlier = live.keyframes.iter().map(|keyframe| &keyframe.training);
-    let disagreement = disagreement(&keyframe.training, earlier);
-    tracing::debug!(sequence = keyframe.frame.sequence, disagreement, "inserting");
     let is_rough = disagreement > config.insert_disagreement;
     let visits = if is_rough { ROUGH_VISITS } else { 1 };
-    let history = InsertionHistory {
-        keyframes: live.keyframes.iter().map(|keyframe| &keyframe.training).collect(),
-        limit: config.insert_keyframes.div_ceil(visits),
-    };
+    let history =
+        InsertionHistory { keyframes: visitors, limit: config.insert_keyframes.div_ceil(visits) };
     let rough = is_rough.then_some(disagreement);
     let view =
         View { image: &image, rendered: &rendered, history: &history, backdrop_metres, rough };
@@ -84,11 +146,7 @@ pub(in super::super) fn insert(
         );
         cells.truncate(room);
     }
-    let code_size = live.online.code_size();
-    let new = new_gaussians(&image, &cells, view.backdrop_metres, code_size);
-    let scales = new.color.log_scales.as_flattened().iter().map(|scale| scale.exp());
-    live.largest_scale_metres = scales.fold(live.largest_scale_metres, f32::max);
-    live.gaussians.append(&new)
+    Ok(new_gaussians(&image, &cells, view.backdrop_metres, live.online.code_size()))
 }
 
 /// A keyframe beside what the map shows from its pose.

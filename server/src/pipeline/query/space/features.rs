@@ -3,6 +3,7 @@
 //! The features of the most recent snapshot are cached if they fit into the configured memory. A
 //! larger map is decoded in batches at every question.
 
+use crate::pipeline::backdrop::can_have_language;
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::query::feature_decoder::FeatureDecoder;
 use crate::pipeline::query::relevancy::{Prompts, to_bf16};
@@ -14,8 +15,8 @@ use std::sync::{Arc, Weak};
 /// Features of one snapshot.
 pub(crate) struct SpaceFeatures {
     gaussians: Weak<HostGaussians>,
-    /// Number of Gaussians.
-    len: usize,
+    /// Number of Gaussians that can have language.
+    can_have: usize,
     /// Indices of the Gaussians with language, in order.
     rows: Vec<u32>,
     /// `[rows, D]`, unit length; `None`: too large for the cache.
@@ -66,7 +67,9 @@ impl SpaceFeatures {
             cached = Some(features);
         }
         let gaussians = Arc::downgrade(&snapshot.gaussians);
-        Ok(Self { gaussians, len: snapshot.gaussians.len(), rows, cached })
+        let logits = snapshot.gaussians.language.opacity_logits.iter();
+        let can_have = logits.filter(|logit| can_have_language(**logit)).count();
+        Ok(Self { gaussians, can_have, rows, cached })
     }
 
     /// Indices of the Gaussians with language, in order.
@@ -74,9 +77,9 @@ impl SpaceFeatures {
         &self.rows
     }
 
-    /// Share of the Gaussians with language.
+    /// Share of the Gaussians with language, of those that can have it.
     pub(super) fn coverage(&self) -> f32 {
-        self.rows.len() as f32 / self.len.max(1) as f32
+        self.rows.len() as f32 / self.can_have.max(1) as f32
     }
 
     /// Relevancies `[rows, texts]`; `snapshot` is the one of these features.
@@ -100,9 +103,13 @@ impl SpaceFeatures {
 
 /// Indices of the Gaussians that have language, in order.
 fn rows_with_language(snapshot: &MapSnapshot) -> Vec<u32> {
-    let codes = snapshot.gaussians.language.features.chunks_exact(snapshot.online.code_size());
-    let has_language = |code: &[f32]| code.iter().any(|&value| value != 0.0);
-    codes.enumerate().filter(|(_, code)| has_language(code)).map(|(at, _)| at as u32).collect()
+    let head = &snapshot.gaussians.language;
+    let codes = head.features.chunks_exact(snapshot.online.code_size());
+    let has_language = |(code, logit): (&[f32], &f32)| {
+        can_have_language(*logit) && code.iter().any(|&value| value != 0.0)
+    };
+    let heads = codes.zip(&head.opacity_logits).enumerate();
+    heads.filter(|(_, head)| has_language(*head)).map(|(at, _)| at as u32).collect()
 }
 
 /// The codes of some Gaussians, `[rows, code_size]`.
