@@ -2,8 +2,10 @@
 //! map that is rebuilt from its log knows the same.
 
 use lexsplat_proto::v1::{self, frame_message::Message};
+use lexsplat_server::pipeline::snapshot::MapSnapshot;
 use lexsplat_tests::{Robot, Server, first_error, tiny_config};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 const FRAMES: usize = 24;
 /// A class counts if some keyframe shows it with at least this many pixels.
@@ -49,10 +51,9 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
         acks.iter().filter(|ack| ack.keyframe).map(|ack| ack.sequence as usize).collect();
     let things = visible(&robot, &keyframes);
     assert!(things.len() >= 5, "too little is visible to say anything: {things:?}");
-    let snapshot = async |map| server.engine.map(map).expect("it is there").snapshot().await;
-    let said = snapshot("said").await;
+    let said = snapshot(&server, "said").await;
     let right = server.found(&robot, &said, &things).await.len();
-    let confused = server.found(&robot, &snapshot("confused").await, &things).await.len();
+    let confused = server.found(&robot, &snapshot(&server, "confused").await, &things).await.len();
     println!("found {right} of {}, with exchanged words {confused}", things.len());
     assert!(right >= things.len() - 1, "{right} of {things:?}");
     assert!(confused <= things.len() / 4, "{confused} of {things:?}");
@@ -66,7 +67,7 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
     assert_eq!(known.into_inner().maps.len(), 2);
     server.loaded("said").await;
     server.settled("said").await;
-    let again = snapshot(&server, "said");
+    let again = snapshot(&server, "said").await;
     assert_eq!(again.keyframes.len(), said.keyframes.len());
     assert!(again.keyframes.iter().all(|keyframe| keyframe.has_language));
     let rebuilt = server.found(&robot, &again, &things).await.len();
@@ -99,4 +100,8 @@ async fn labels_without_words_and_endless_words_are_refused() {
     assert_eq!(status.code(), tonic::Code::InvalidArgument);
     assert!(status.message().contains("label_texts"), "{status}");
     server.stop().await;
+}
+
+async fn snapshot(server: &Server, map: &str) -> Arc<MapSnapshot> {
+    server.engine.map(map).expect("it is there").snapshot().await
 }

@@ -119,7 +119,7 @@ fn room() -> (tempfile::TempDir, Vec<Isometry3<f64>>) {
 
 /// Compares the last frames of a map, since the first was sent several times before topics were chosen.
 /// Returns the worst distances from the truth, and from the frames before those as a negative control.
-fn compared(server: &Server, map: &str, truth: &[Isometry3<f64>]) -> [[f64; 2]; 2] {
+async fn compared(server: &Server, map: &str, truth: &[Isometry3<f64>]) -> [[f64; 2]; 2] {
     let snapshot = server.engine.map(map).expect("it is there").snapshot().await;
     let path = &snapshot.trajectory;
     let is_whole = path.windows(2).all(|two| two[1].sequence == two[0].sequence + 1);
@@ -174,7 +174,7 @@ async fn a_live_robot_is_mapped_although_it_and_the_server_go_away() {
     }
 
     server.settled("live").await;
-    let [found, other] = compared(&server, "live", &truth);
+    let [found, other] = compared(&server, "live", &truth).await;
     assert!(is_close(found), "{found:?}");
     assert!(!is_close(other), "negative control: {other:?}");
     drop(cut);
@@ -209,12 +209,12 @@ async fn cameras_of_other_makers_are_mapped() {
         assert!(counts.acknowledged >= FRAMES as u64 - 1, "{counts:?}");
         expected.iter().for_each(|part| assert!(told.contains(part), "{part}: {told}"));
         server.settled(device).await;
-        let [found, _] = compared(&server, device, &truth);
+        let [found, _] = compared(&server, device, &truth).await;
         let limits = if device == "oak" { CLOSE } else { TRACKED };
         let is_close = |[metres, radians]: [f64; 2]| metres < limits[0] && radians < limits[1];
         assert!(is_close(found), "{device}: {found:?}");
         let still = vec![truth[0]; FRAMES];
-        let [still, _] = compared(&server, device, &still);
+        let [still, _] = compared(&server, device, &still).await;
         assert!(!is_close(still), "negative control: {device}: {still:?}");
     }
     server.stop().await;

@@ -190,7 +190,8 @@ impl LanguageTarget {
         Ok(Self { inner: Arc::new(LanguageInner { width, height, channels, rows }) })
     }
 
-    /// The place of a code map that is not on the device. It has codes of no channels, so a step on it is refused.
+    /// The place of a code map that is not on the device. Its codes have no channels, so a step on it is
+    /// refused.
     pub fn absent(width: u32, height: u32) -> Self {
         Self { inner: Arc::new(LanguageInner { width, height, channels: 0, rows: None }) }
     }

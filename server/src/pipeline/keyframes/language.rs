@@ -5,6 +5,7 @@
 
 use super::super::compressor::OnlineStage;
 use super::super::encoder::LanguageMap;
+use super::codes::Codes;
 use half::f16;
 use lexsplat_gpu::{Camera, Gpu, GpuError, LanguageTarget};
 
@@ -15,7 +16,7 @@ pub(in super::super) struct KeyframeLanguage {
     /// `[height * width * 15]`, on the device or not; see [`KeyframeLanguage::refresh_target`].
     pub target: LanguageTarget,
     /// `[height * width * 32]`, row-major. Half precision changes a unit code by less than 0.0005.
-    pub(super) codes: Vec<f16>,
+    pub(super) codes: Codes,
     /// Version of the online stage that encoded the target.
     pub(super) version: u64,
 }
@@ -29,7 +30,7 @@ impl KeyframeLanguage {
     /// Codes `[height * width * 32]` of a camera of this size.
     pub(super) fn of_codes(camera: Camera, codes: Vec<f16>) -> Self {
         let target = LanguageTarget::absent(camera.width, camera.height);
-        Self { camera, target, codes, version: 0 }
+        Self { camera, target, codes: Codes::new(codes), version: 0 }
     }
 
     /// Makes the target if it is not on the device or the online stage has advanced since.
@@ -38,7 +39,7 @@ impl KeyframeLanguage {
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn refresh_target(&mut self, gpu: &Gpu, online: &dyn OnlineStage) -> Result<(), GpuError> {
         if !self.target.is_on_device() || self.version != online.version() {
-            let generic: Vec<f32> = self.codes.iter().copied().map(f16::to_f32).collect();
+            let generic: Vec<f32> = self.codes.all().into_iter().map(f16::to_f32).collect();
             let codes = online.encode(&generic);
             let (width, height) = (self.camera.width, self.camera.height);
             self.target = LanguageTarget::new(gpu, width, height, online.code_size(), &codes)?;
@@ -54,6 +55,6 @@ impl KeyframeLanguage {
 
     /// Memory of the codes, bytes.
     pub fn bytes(&self) -> u64 {
-        size_of_val(&self.codes[..]) as u64
+        self.codes.bytes()
     }
 }

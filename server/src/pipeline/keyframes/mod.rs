@@ -6,6 +6,7 @@
 //! relative to it need it.
 
 mod budget;
+mod codes;
 mod keyframe;
 mod language;
 mod state;

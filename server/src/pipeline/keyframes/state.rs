@@ -153,17 +153,19 @@ impl KeyframeState {
 
 impl LanguageState {
     fn of(language: &KeyframeLanguage) -> Self {
-        Self { camera: language.camera.clone(), codes: language.codes.reinterpret_cast().to_vec() }
+        Self {
+            camera: language.camera.clone(),
+            codes: language.codes.all().into_iter().map(f16::to_bits).collect(),
+        }
     }
 
     fn language(self) -> Result<KeyframeLanguage, GpuError> {
-        let codes = self.codes.into_iter().map(f16::from_bits).collect();
-        let language = KeyframeLanguage::of_codes(self.camera, codes);
-        let [expected, found] = [language.camera.pixels() * GENERIC_SIZE, language.codes.len()];
+        let [expected, found] = [self.camera.pixels() * GENERIC_SIZE, self.codes.len()];
         if expected != found {
             return Err(GpuError::ShapeMismatch { what: "codes", expected, found });
         }
-        Ok(language)
+        let codes = self.codes.into_iter().map(f16::from_bits).collect();
+        Ok(KeyframeLanguage::of_codes(self.camera, codes))
     }
 }
 

@@ -118,9 +118,9 @@ impl Map {
         self.read(&Wait::default()).await.snapshot
     }
 
-    /// A copy of the map, once it is what `wait` asks for or the time is over. If the newest copy is outdated
-    /// the thread makes another one, between two steps; with the clock `per_frame` when the map is idle. A map
-    /// that has failed is not waited for.
+    /// A copy of the map, once it is what `wait` asks for or the time is over. If the newest copy is
+    /// outdated the thread makes another one, between two steps; with the clock `per_frame` when the map is
+    /// idle. A map that has failed is not waited for.
     pub async fn read(&self, wait: &Wait) -> Reading {
         let began = Instant::now();
         if wait.converged {

@@ -383,8 +383,8 @@ impl MapThread {
     }
 
     /// Tells readers of changes when the map is idle and, with the clock `realtime`, every few seconds; and
-    /// makes a copy if one is due. With `per_frame` results would depend on the time of copying: it waits for
-    /// the steps in flight, and steps that met full lists are then repeated in another order.
+    /// makes a copy if one is due. With `per_frame` results would depend on the time: steps in flight are
+    /// waited for, and those that met full lists are then repeated in another order.
     fn publish_if_due(&mut self) -> Result<(), GpuError> {
         if self.refiner.publishes(&self.live, self.publisher.age()) {
             self.publisher.gaussians_changed();

@@ -3,6 +3,7 @@
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
 use super::super::map::Map;
+use super::super::mapper::Clock;
 use super::super::snapshot::{KeyframeInfo, MapSnapshot};
 use super::super::up::MapUp;
 use crate::telemetry::{SNAPSHOT_SECONDS, timed};
@@ -12,6 +13,8 @@ use std::time::{Duration, Instant};
 
 /// Remembers what readers were told, and what they have.
 pub(super) struct Publisher {
+    /// Whether steps in flight are waited for though nobody reads.
+    always_settles: bool,
     /// The Gaussians of the newest copy.
     copied: Arc<HostGaussians>,
     /// Revision of the newest copy; `None` before the first.
@@ -24,8 +27,11 @@ pub(super) struct Publisher {
 }
 
 impl Publisher {
-    pub fn new() -> Self {
+    /// With the clock `per_frame` the map must not depend on readers: when it has changed, steps are waited
+    /// for whether a copy is made or not.
+    pub fn new(clock: Clock) -> Self {
         Self {
+            always_settles: clock == Clock::PerFrame,
             copied: Arc::default(),
             copied_revision: None,
             gaussians_changed: false,
@@ -50,9 +56,8 @@ impl Publisher {
         self.told_at.elapsed()
     }
 
-    /// Tells readers what has changed, if anything, and makes a copy if one is due. Waits for the optimiser
-    /// steps in flight if Gaussians have changed, whether somebody reads or not: with the clock `per_frame`
-    /// the map must not depend on readers.
+    /// Tells readers what has changed, if anything, and makes a copy if one is due, for which it waits for
+    /// the optimiser steps in flight.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
@@ -63,11 +68,17 @@ impl Publisher {
         map: &Map,
         through: Option<u64>,
     ) -> Result<(), GpuError> {
-        if self.gaussians_changed {
+        if self.gaussians_changed && self.always_settles {
             trainer.settle(&mut live.gaussians)?;
         }
         self.tell_changes(live, map);
-        if map.copies().is_due() { self.copy(live, map, through) } else { Ok(()) }
+        if !map.copies().is_due() {
+            return Ok(());
+        }
+        timed(SNAPSHOT_SECONDS, || {
+            trainer.settle(&mut live.gaussians)?;
+            self.copy(live, map, through)
+        })
     }
 
     /// Makes the last copy, for those who still have the map when its thread ends. After an error the device
@@ -106,24 +117,22 @@ impl Publisher {
 
     /// Gives readers the map as it is, after the frame `through`. They were told of it.
     fn copy(&mut self, live: &LiveMap, map: &Map, through: Option<u64>) -> Result<(), GpuError> {
-        timed(SNAPSHOT_SECONDS, || {
-            map.copies().begin();
-            if self.copied_revision != Some(live.revision) {
-                self.copied = Arc::new(live.gaussians.to_host()?);
-                self.copied_revision = Some(live.revision);
-            }
-            map.publish(MapSnapshot {
-                map: map.name().to_owned(),
-                revision: live.revision,
-                through,
-                gaussians: self.copied.clone(),
-                online: Arc::from(live.online.boxed_clone()),
-                trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
-                keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
-                up: self.up,
-            });
-            Ok(())
-        })
+        map.copies().begin();
+        if self.copied_revision != Some(live.revision) {
+            self.copied = Arc::new(live.gaussians.to_host()?);
+            self.copied_revision = Some(live.revision);
+        }
+        map.publish(MapSnapshot {
+            map: map.name().to_owned(),
+            revision: live.revision,
+            through,
+            gaussians: self.copied.clone(),
+            online: Arc::from(live.online.boxed_clone()),
+            trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
+            keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
+            up: self.up,
+        });
+        Ok(())
     }
 }
 

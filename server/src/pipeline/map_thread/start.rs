@@ -69,7 +69,7 @@ pub(in super::super) fn spawn(
         input_check: InputCheck::new(),
         trainer,
         language: LanguageRequests::new(language.clone(), map.sender()),
-        publisher: Publisher::new(),
+        publisher: Publisher::new(config.clock),
         refiner: Refiner::new(config),
         deferred: VecDeque::new(),
         progress: Progress::default(),

@@ -1,5 +1,5 @@
-//! A map that goes on from its checkpoint becomes what it would have become without one; and copies for readers
-//! are made when somebody reads.
+//! A map that goes on from its checkpoint becomes what it would have become without one; and copies for
+//! readers are made when somebody reads.
 
 use super::super::checkpoint::Checkpoint;
 use super::super::engine::Engine;

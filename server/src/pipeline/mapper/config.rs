@@ -267,7 +267,7 @@ impl Default for MapperConfig {
             insert_backdrop: 1.25,
             max_gaussians: 400_000,
             max_keyframe_mib: 2048,
-            steps_per_keyframe: 20,
+            steps_per_keyframe: 24,
             steps_per_frame: 1,
             refine_sweeps: 20,
             window: 8,
@@ -298,8 +298,8 @@ impl Default for FocusConfig {
 impl Default for RatesConfig {
     fn default() -> Self {
         Self {
-            mean: 1e-3,
-            rotation: 4e-2,
+            mean: 7e-4,
+            rotation: 2e-2,
             scale: 5e-3,
             opacity: 0.05,
             color: 5e-3,
@@ -307,8 +307,8 @@ impl Default for RatesConfig {
             language_scale: 1.2e-3,
             language_opacity: 0.05,
             code: 5e-3,
-            first: 3.0,
-            first_steps: 8.0,
+            first: 2.0,
+            first_steps: 16.0,
         }
     }
 }
