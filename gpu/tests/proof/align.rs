@@ -173,7 +173,7 @@ fn steps_that_a_robust_cost_makes_too_short_are_stretched() {
             system.g[0] = 1e6 * curvature * off;
             // A floor of noise, without which the cost never stops to fall by a part of itself.
             system.photometric_cost = 0.5e6 * curvature * off * off + if exact { 0.0 } else { 1e6 };
-            system.counts.photometric = 1000;
+            system.counts.photometric = 1_000_000;
             Ok::<_, GpuError>(system)
         });
         let found = found.expect("no errors here");
