@@ -1,7 +1,6 @@
 //! A keyframe in host memory alone, to be kept and made again as it was.
 
 use super::super::downsampled_frame::DownsampledFrame;
-use super::super::features::Features;
 use super::super::frame::{Intrinsics, TrackedFrame};
 use super::super::pose_adam::PoseAdam;
 use super::super::saving::{CameraFields, packed};
@@ -12,6 +11,7 @@ use super::thumbnail::Thumbnail;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 use lexsplat_gpu::{Camera, ColorTarget, Gpu, GpuError, LanguageTarget};
+use lexsplat_pictures::Features;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
