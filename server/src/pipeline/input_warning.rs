@@ -46,3 +46,15 @@ pub struct InputWarning {
     /// What is wrong, how sure that is, and what to do, in plain English.
     pub message: String,
 }
+
+impl InputWarning {
+    /// The map was emptied and begins with the frame of this sequence number.
+    pub(crate) fn bad_beginning(sequence: u64) -> Self {
+        let message = format!(
+            "The first frames of the map could not be tracked together with those that came after: it was emptied \
+             and begins anew with frame {sequence}. Over-exposed or dark pictures, or a hand before the lens, look \
+             like that."
+        );
+        Self { problem: InputProblem::BadBeginning, message }
+    }
+}
