@@ -12,6 +12,9 @@ use crate::device::tier::Tier;
 
 /// Bytes that are read back at a time. More would take memory twice: on its way, and where it arrives.
 const READ_BYTES: u64 = 8 << 20;
+/// Bytes of the buffers for reading back that are kept, and how many are.
+const LEAST_STAGING: u64 = 4096;
+const MOST_STAGING: usize = 4;
 
 /// A device and its queue. Clones share them.
 #[derive(Clone)]
@@ -25,6 +28,7 @@ struct Inner {
     queue: wgpu::Queue,
     limits: wgpu::Limits,
     uniforms: Mutex<Vec<wgpu::Buffer>>,
+    staging: Mutex<Vec<wgpu::Buffer>>,
     profile: Profile,
     fault: Arc<Mutex<Option<Fault>>>,
     tier: Tier,
@@ -66,6 +70,7 @@ impl Gpu {
             queue,
             limits,
             uniforms: Mutex::default(),
+            staging: Mutex::default(),
             profile: Profile::default(),
             fault,
             tier,
@@ -146,6 +151,35 @@ impl Gpu {
     /// Returns a uniform buffer for reuse, after all commands that read it were submitted.
     pub(crate) fn keep_uniforms(&self, buffer: wgpu::Buffer) {
         self.inner.uniforms.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
+    }
+
+    /// A buffer that the host can read, with room for so many bytes.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub(crate) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
+        let spare = self.inner.staging.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        if let Some(spare) = spare.filter(|buffer| buffer.size() >= bytes) {
+            return Ok(spare);
+        }
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: bytes.max(LEAST_STAGING),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        };
+        self.scoped(
+            |device| device.create_buffer(&descriptor),
+            |reason| GpuError::OutOfMemory { label: "read back".to_owned(), bytes, reason },
+        )
+    }
+
+    /// Returns a buffer of [`Gpu::staging`] for reuse, no longer mapped.
+    pub(crate) fn keep_staging(&self, buffer: wgpu::Buffer) {
+        let mut spare = self.inner.staging.lock().unwrap_or_else(PoisonError::into_inner);
+        if spare.len() < MOST_STAGING && buffer.size() <= LEAST_STAGING {
+            spare.push(buffer);
+        }
     }
 
     /// Runs `make` and returns its result, or the first error that the device reports while it

@@ -186,6 +186,31 @@ impl<'a> Recorder<'a> {
         index
     }
 
+    /// Hands everything recorded so far to the device, waits for it and returns the first `bytes` bytes of a
+    /// buffer, a multiple of four.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
+    pub fn submit_and_read(
+        mut self,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Result<Vec<u8>, GpuError> {
+        let staging = self.gpu.staging(bytes)?;
+        self.copy(buffer, &staging, 0, bytes);
+        let gpu = self.gpu;
+        let submission = self.submit();
+        staging.map_async(wgpu::MapMode::Read, ..bytes, |_| ());
+        gpu.wait_for(submission)?;
+        let read = staging
+            .get_mapped_range(..bytes)
+            .map_err(|error| GpuError::DeviceLost(format!("read-back failed: {error}")))?
+            .to_vec();
+        staging.unmap();
+        gpu.keep_staging(staging);
+        Ok(read)
+    }
+
     /// Places `arguments` in the next uniform slot and returns its offset. A full buffer is
     /// submitted first.
     fn place(&mut self, arguments: &[u8]) -> u64 {

@@ -158,6 +158,38 @@ fn a_step_out_of_the_scene_is_not_taken() {
     assert!((moved - 0.1).abs() < 1e-4, "{moved}");
 }
 
+/// A robust cost that curves half as much as its system says: each step goes half the way. After two steps that
+/// is known.
+#[test]
+fn steps_that_a_robust_cost_makes_too_short_are_stretched() {
+    let wanted = 0.05;
+    let found = |curvature: f64, exact: bool| {
+        let schedule = Schedule { steps: vec![20], smallest_step: 1e-4, ..Schedule::default() };
+        let found = align(&Estimate::default(), &schedule, |_, estimate| {
+            let off = estimate.reference_from_live.translation.x - wanted;
+            let mut system = NormalSystem::default();
+            system.h.fill_with_identity();
+            system.h *= 1e6;
+            system.g[0] = 1e6 * curvature * off;
+            // A floor of noise, without which the cost never stops to fall by a part of itself.
+            system.photometric_cost = 0.5e6 * curvature * off * off + if exact { 0.0 } else { 1e6 };
+            system.counts.photometric = 1_000_000;
+            Ok::<_, GpuError>(system)
+        });
+        let found = found.expect("no errors here");
+        ((found.estimate.reference_from_live.translation.x - wanted).abs(), found.evaluations)
+    };
+    let (off, evaluations) = found(0.5, true);
+    assert!(off < 1e-5 && evaluations <= 4, "{off} {evaluations}");
+    let (off, evaluations) = found(1.0, true);
+    assert!(off < 1e-5 && evaluations <= 3, "{off} {evaluations}");
+    // Negative control: a curvature beyond what steps are stretched for takes more steps.
+    let (_, evaluations) = found(0.2, true);
+    assert!(evaluations > 6, "{evaluations}");
+    // A short step that promises little beside the noise is taken unseen.
+    assert!(found(0.5, false).1 < found(0.5, true).1);
+}
+
 #[test]
 fn a_wrong_pose_shows_in_the_result() {
     let mut bench = Bench::new();

@@ -6,13 +6,10 @@
 use super::frame::{Frame, rasteriser_camera};
 use super::saving::{CameraFields, packed};
 use lexsplat_gpu::Camera;
+use lexsplat_pictures::{Picture, smaller, without_gaps};
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Depths within this share of the nearest depth of a block belong to the same surface. The mean over
-/// several surfaces would be a point between them.
-const SAME_SURFACE: f32 = 0.02;
 
 /// A point lies on the measured surface if its depth differs by at most this share.
 const ON_SURFACE: f32 = 0.05;
@@ -44,8 +41,8 @@ impl DownsampledFrame {
                 depth_metres: frame.depth_metres.clone(),
             };
         }
-        let (width, height) =
-            ((full.width as usize / factor).max(1), (full.height as usize / factor).max(1));
+        let ([width, height], rgb, depth_metres) =
+            smaller(&picture(&full, &frame.rgb, &frame.depth_metres), factor);
         let scale = 1.0 / factor as f32;
         let camera = Camera {
             width: width as u32,
@@ -56,27 +53,20 @@ impl DownsampledFrame {
             cy: (full.cy + 0.5) * scale - 0.5,
             camera_from_world: full.camera_from_world,
         };
-        let mut rgb = Vec::with_capacity(width * height * 3);
-        let mut depth_metres = Vec::with_capacity(width * height);
-        let stride = full.width as usize;
-        let rows = (full.height as usize).min(factor);
-        let pixels = (factor * rows) as u32;
-        for row in 0..height {
-            for column in 0..width {
-                let block = (row * factor..row * factor + rows)
-                    .flat_map(|y| (column * factor..(column + 1) * factor).map(move |x| (x, y)))
-                    .map(|(x, y)| y * stride + x);
-                let mut sum = [0u32; 3];
-                for at in block.clone() {
-                    for (channel, sum) in sum.iter_mut().enumerate() {
-                        *sum += u32::from(frame.rgb[at * 3 + channel]);
-                    }
-                }
-                rgb.extend(sum.map(|sum| ((sum + pixels / 2) / pixels) as u8));
-                depth_metres.push(nearest_surface(block.map(|at| frame.depth_metres[at])));
-            }
-        }
         Self { camera, rgb: rgb.into(), depth_metres: depth_metres.into() }
+    }
+
+    /// The frame with thin gaps in depth closed that lie within one surface; the frame itself if it has none.
+    pub fn without_gaps(self) -> Self {
+        match without_gaps(&self.depth_metres, self.camera.width as usize) {
+            Some(depth_metres) => Self { depth_metres: depth_metres.into(), ..self },
+            None => self,
+        }
+    }
+
+    /// Its pixels.
+    pub fn picture(&self) -> Picture<'_> {
+        picture(&self.camera, &self.rgb, &self.depth_metres)
     }
 
     /// The number of columns that [`DownsampledFrame::new`] reduces the frame to.
@@ -148,14 +138,15 @@ fn factor(frame: &Frame, max_columns: u32) -> usize {
     frame.intrinsics.width.div_ceil(max_columns.max(1)).max(1) as usize
 }
 
-/// The mean of the depths that belong to the nearest surface, metres; 0 if nothing was measured.
-fn nearest_surface(depths: impl Iterator<Item = f32> + Clone) -> f32 {
-    let measured = depths.filter(|depth| *depth > 0.0);
-    let nearest = measured.clone().fold(f32::INFINITY, f32::min);
-    let (sum, count) = measured
-        .filter(|depth| *depth <= nearest * (1.0 + SAME_SURFACE))
-        .fold((0.0, 0u32), |(sum, count), depth| (sum + depth, count + 1));
-    if count > 0 { sum / count as f32 } else { 0.0 }
+fn picture<'a>(camera: &Camera, rgb: &'a [u8], depth_metres: &'a [f32]) -> Picture<'a> {
+    Picture {
+        width: camera.width as usize,
+        height: camera.height as usize,
+        focal: [camera.fx, camera.fy],
+        centre: [camera.cx, camera.cy],
+        rgb,
+        depth_metres,
+    }
 }
 
 #[cfg(test)]
@@ -192,8 +183,6 @@ mod tests {
         assert_eq!(small.rgb[..3], [1, 100, 200], "columns 0 and 1: 0.5, rounded up");
         assert_eq!(small.depth_metres[0], 1.0, "the nearest, not the mean of 0, 1, 3 and 3");
         assert_eq!(small.depth_metres[1], 3.0);
-        let surface = nearest_surface([2.0, 2.02, 0.0, 2.5].into_iter());
-        assert!((surface - 2.01).abs() < 1e-6, "the mean of what lies on one surface: {surface}");
     }
 
     #[test]

@@ -313,9 +313,10 @@ fn kernels_know_no_network_and_no_service() {
 }
 
 #[test]
-fn registration_knows_pictures_only() {
+fn registration_and_features_know_pictures_only() {
     let others = ["tokio", "lexsplat_server", "lexsplat_gpu", "lexsplat_proto", "wgpu"];
     assert_never_names("server/registration/src", &others, &[]);
+    assert_never_names("server/pictures/src", &others, &[]);
 }
 
 #[test]
@@ -384,8 +385,9 @@ fn the_tests_run_on_the_oldest_compiler_that_is_promised() {
 
 #[test]
 fn every_file_says_what_it_is_and_stays_short() {
-    let folders = ["proto/src", "gpu/src", "server/src", "server/registration/src", "tests"];
-    for folder in folders.into_iter().chain(CLIENT_FOLDERS) {
+    let server = ["server/src", "server/pictures/src", "server/registration/src"];
+    for folder in server.into_iter().chain(["proto/src", "gpu/src", "tests"]).chain(CLIENT_FOLDERS)
+    {
         for (path, text) in sources(folder, "rs") {
             let path = path.display();
             assert!(

@@ -226,8 +226,9 @@ impl Aligner {
             recorder.dispatch(kernel, &arguments, &buffers, groups);
         }
         let result = self.sum(&mut recorder, groups * GROUP, count);
-        recorder.submit();
-        let rows = self.partials[result].read(&self.gpu, (count * SYSTEM_ROWS) as usize)?;
+        let bytes = u64::from(count * SYSTEM_ROWS) * size_of::<Row>() as u64;
+        let read = recorder.submit_and_read(&self.partials[result], bytes)?;
+        let rows: Vec<Row> = bytemuck::pod_collect_to_vec(&read);
         Ok(rows
             .chunks_exact(SYSTEM_ROWS as usize)
             .map(|rows| NormalSystem::from_sums(rows.as_flattened()))

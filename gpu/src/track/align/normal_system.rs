@@ -66,6 +66,8 @@ pub struct PoseStep {
     pub tau: Vector6<f64>,
     /// Change of (a, b); 0 if it is not estimated.
     pub exposure: [f64; 2],
+    /// By how much the cost falls with it, the prior's included, if the system is right.
+    pub promised: f64,
 }
 
 impl NormalSystem {
@@ -169,7 +171,22 @@ impl NormalSystem {
         step.iter().all(|v| v.is_finite()).then(|| PoseStep {
             tau: step.fixed_rows::<6>(0).into_owned(),
             exposure: [step[6], step[7]],
+            promised: -0.5 * g.dot(&step),
         })
+    }
+}
+
+impl PoseStep {
+    /// The step made so many times as long; what it promises stays.
+    pub(super) fn stretched(&self, by: f64) -> Self {
+        let Self { tau, exposure, promised } = *self;
+        Self { tau: tau * by, exposure: exposure.map(|change| change * by), promised }
+    }
+
+    /// The slope along the step.
+    pub(super) fn along(&self, slopes: &SVector<f64, 8>) -> f64 {
+        let [a, b] = self.exposure;
+        self.tau.dot(&slopes.fixed_rows::<6>(0)) + a * slopes[6] + b * slopes[7]
     }
 }
 

@@ -16,7 +16,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let pixel = linear_thread(group, groups, lane);
     let width = arguments.size.x;
     if pixel >= width * arguments.size.y { return; }
-    let v = pixel / width;
+    let v = row_of(pixel, width);
     let u = pixel - v * width;
     let inner = u > 0u && v > 0u && u + 1u < width && v + 1u < arguments.size.y;
     let here = bases[pixel];
@@ -28,10 +28,10 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let slope_v = slope(up.x, here.x, down.x, v > 0u, v + 1u < arguments.size.y);
     colors[pixel] = pack_color(here.x, vec2<f32>(slope_u, slope_v));
 
-    let x = (f32(u) - arguments.centre.x) / arguments.focal.x;
-    let y = (f32(v) - arguments.centre.y) / arguments.focal.y;
     let dx = 1.0 / arguments.focal.x;
     let dy = 1.0 / arguments.focal.y;
+    let x = (f32(u) - arguments.centre.x) * dx;
+    let y = (f32(v) - arguments.centre.y) * dy;
     let along = right.y * vec3<f32>(x + dx, y, 1.0) - left.y * vec3<f32>(x - dx, y, 1.0);
     let across = down.y * vec3<f32>(x, y + dy, 1.0) - up.y * vec3<f32>(x, y - dy, 1.0);
     let facing = cross(across, along);
@@ -42,7 +42,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let bend = abs(vec2<f32>((left.y - here.y) + (right.y - here.y), (up.y - here.y) + (down.y - here.y)));
     let flat = all(bend <= vec2<f32>(DEPTH_BEND * here.y));
     let valid = inner && here.y > 0.0 && all(near) && flat && squared > 0.0;
-    let direction = pack_normal(facing * inverseSqrt(squared));
+    let direction = pack_normal(facing);
     surface[pixel] = vec2<u32>(bitcast<u32>(here.y), select(NO_NORMAL, direction, valid));
 }
 

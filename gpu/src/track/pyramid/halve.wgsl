@@ -10,7 +10,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         @builtin(local_invocation_index) lane: u32) {
     let pixel = linear_thread(group, groups, lane);
     if pixel >= arguments.size.x * arguments.size.y { return; }
-    let row = pixel / arguments.size.x;
+    let row = row_of(pixel, arguments.size.x);
     let first = 2u * (row * arguments.fine_width + pixel - row * arguments.size.x);
     let a = fine[first];
     let b = fine[first + 1u];

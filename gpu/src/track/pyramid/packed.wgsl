@@ -11,7 +11,7 @@ fn color(packed: vec2<u32>) -> vec3<f32> {
     return vec3<f32>(bitcast<f32>(packed.x), unpack2x16snorm(packed.y));
 }
 
-/// The unit normal on the octahedron |x| + |y| + |z| = 1, whose lower half is folded over its edges.
+/// A normal of any length on the octahedron |x| + |y| + |z| = 1, whose lower half is folded over its edges.
 fn pack_normal(normal: vec3<f32>) -> u32 {
     let flat = normal.xy / (abs(normal.x) + abs(normal.y) + abs(normal.z));
     return pack2x16snorm(select(fold(flat), flat, normal.z >= 0.0));

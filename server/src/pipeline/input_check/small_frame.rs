@@ -1,11 +1,11 @@
 //! A frame as the checks of input see it: at most 160 columns of depth and brightness, and the pose as sent.
 
 use super::super::downsampled_frame::DownsampledFrame;
-use super::super::features::Grey;
 use super::super::frame::Frame;
 use super::super::quantile::median;
 use super::super::saving::{CameraFields, packed};
 use lexsplat_gpu::Camera;
+use lexsplat_pictures::Grey;
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ impl SmallFrame {
         // A hint without covariance only places the first frame.
         let hint = frame.hint.as_ref().filter(|hint| hint.covariance.is_some());
         Self {
-            grey: Grey::new(&small).values,
+            grey: Grey::new(&small.picture()).values,
             camera: small.camera,
             depth_metres: small.depth_metres,
             world_from_camera: frame.world_from_camera.or(hint.map(|hint| hint.world_from_camera)),

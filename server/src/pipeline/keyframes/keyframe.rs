@@ -1,9 +1,7 @@
 //! One keyframe: a frame that the map is optimised against and that later frames are aligned with.
 
-use super::super::depth_gaps;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::exposure;
-use super::super::features::Features;
 use super::super::frame::{Frame, Intrinsics, TrackedFrame, TrackedPose, rasteriser_camera};
 use super::super::pose_adam::PoseAdam;
 use super::super::up::Facet;
@@ -11,6 +9,7 @@ use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
 use super::windows::{FullDepth, Grid, cut};
 use lexsplat_gpu::{Camera, ColorTarget, GpuError};
+use lexsplat_pictures::Features;
 use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -77,8 +76,7 @@ impl Keyframe {
         widths: KeyframeWidths,
     ) -> Result<Self, GpuError> {
         let pose = &tracked.world_from_camera;
-        let resized =
-            |width| depth_gaps::closed(&DownsampledFrame::new(frame, pose, width)).into_owned();
+        let resized = |width| DownsampledFrame::new(frame, pose, width).without_gaps();
         let training = resized(widths.training);
         let target = color_target(&training)?;
         let width = training.camera.width;
@@ -93,7 +91,7 @@ impl Keyframe {
             target,
             full_depth,
             map_exposure: tracked.exposure,
-            features: Features::detect(&tracking),
+            features: Features::detect(&tracking.picture()),
             thumbnail: Thumbnail::new(&tracking),
             facets: Facet::sampled(&tracking),
             is_estimated: tracked.is_estimated,

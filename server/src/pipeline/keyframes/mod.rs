@@ -20,9 +20,9 @@ pub(super) use state::KeyframeState;
 pub(super) use surface_sample::SurfaceSample;
 pub(super) use thumbnail::Thumbnail;
 
-use super::features::Features;
 use super::frame::TrackedFrame;
 use lexsplat_gpu::Camera;
+use lexsplat_pictures::Features;
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, VecDeque};
 

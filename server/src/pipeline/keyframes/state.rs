@@ -2,7 +2,6 @@
 
 use super::super::compressor::GENERIC_SIZE;
 use super::super::downsampled_frame::DownsampledFrame;
-use super::super::features::Features;
 use super::super::frame::{Intrinsics, TrackedFrame};
 use super::super::pose_adam::PoseAdam;
 use super::super::saving::{CameraFields, packed};
@@ -14,6 +13,7 @@ use super::windows::FullDepth;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 use lexsplat_gpu::{Camera, Gpu, GpuError};
+use lexsplat_pictures::Features;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -35,11 +35,11 @@ use publisher::Publisher;
 use refiner::Refiner;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, oneshot};
 
-fn step_budget(config: &MapperConfig) -> StepBudget {
-    StepBudget::new(config.steps_per_keyframe, config.language_every)
-}
+/// Frames come as long as the newest is not older.
+const FRAMES_COME: Duration = Duration::from_secs(1);
 
 /// The live map and everything that works on it.
 struct MapThread {
@@ -60,6 +60,10 @@ struct MapThread {
     deferred: VecDeque<Message>,
     /// How far the map has come.
     progress: Progress,
+    /// When the newest frame was acknowledged.
+    newest_frame: Instant,
+    /// Whether steps were begun that nobody waited for.
+    has_step_in_flight: bool,
     /// Who waits for the state of the map.
     saves: Vec<oneshot::Sender<Result<Checkpoint, String>>>,
     map: Arc<Map>,
@@ -99,7 +103,7 @@ impl MapThread {
                 Work::Handle(Message::Stop) => break,
                 Work::Handle(Message::Save(reply)) => self.saves.push(reply),
                 Work::Handle(message) => self.handle(message)?,
-                Work::Optimise => self.optimise()?,
+                Work::Optimise => self.optimise_between_frames()?,
                 Work::Refine => self.refine()?,
             }
             self.language.send(&self.live.keyframes);
@@ -176,8 +180,7 @@ impl MapThread {
         }
     }
 
-    /// One frame's way through the map: track, select keyframe, insert, request language, optimise,
-    /// publish.
+    /// One frame's way through the map: track, insert, request language, acknowledge, optimise, publish.
     fn map_frame(
         &mut self,
         frame: Frame,
@@ -210,7 +213,6 @@ impl MapThread {
             outcome.world_from_camera = Some(mapped.world_from_camera);
             outcome.covariance =
                 tracked.covariance.map(|own| carried(&mapped.world_from_camera, &own));
-            self.optimise_behind_frame()?;
         } else {
             // Readers are told that the frame came.
             self.publisher.poses_changed();
@@ -218,6 +220,10 @@ impl MapThread {
         self.map.finish_frame(&outcome);
         // An error means that the sender is gone. Its frame is in the map all the same.
         let _ = reply.send(outcome);
+        self.newest_frame = Instant::now();
+        if tracked.is_some() {
+            self.optimise_behind_frame()?;
+        }
         self.publish_if_due()
     }
 
@@ -268,7 +274,8 @@ impl MapThread {
         second: &Frame,
     ) -> Result<Option<TrackedPose>, GpuError> {
         self.trainer.settle(&mut self.live.gaussians)?;
-        self.live.clear(&self.gpu, step_budget(&self.config));
+        let MapperConfig { steps_per_keyframe, language_every, .. } = self.config;
+        self.live.clear(&self.gpu, StepBudget::new(steps_per_keyframe, language_every));
         self.tracker.begin_anew();
         self.closure.begin_anew();
         self.publisher.gaussians_changed();
@@ -358,7 +365,19 @@ impl MapThread {
         Ok(())
     }
 
+    /// Takes a step. With the clock `realtime`, while frames come, none is begun before the last is done, so that
+    /// the tracking of a frame that comes meanwhile waits for one step at most.
+    fn optimise_between_frames(&mut self) -> Result<(), GpuError> {
+        let frames_come = self.newest_frame.elapsed() < FRAMES_COME;
+        let waits = frames_come && self.config.clock == Clock::Realtime;
+        if waits && std::mem::take(&mut self.has_step_in_flight) {
+            return self.trainer.settle(&mut self.live.gaussians);
+        }
+        self.optimise()
+    }
+
     fn optimise(&mut self) -> Result<(), GpuError> {
+        self.has_step_in_flight = true;
         let Self { live, trainer, gpu, config, tracker_config, .. } = self;
         let changed =
             timed(MAPPING_SECONDS, || optimise::step(live, trainer, gpu, config, tracker_config))?;

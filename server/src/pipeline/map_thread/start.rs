@@ -5,19 +5,20 @@ use super::super::closure::{Closure, ClosureConfig};
 use super::super::compressor;
 use super::super::encoder::LanguageThread;
 use super::super::input_check::InputCheck;
-use super::super::live_map::LiveMap;
+use super::super::live_map::{LiveMap, StepBudget};
 use super::super::map::Map;
 use super::super::mapper::{MapperConfig, TiesConfig};
 use super::super::snapshot::MapSnapshot;
 use super::super::tracker::{Tracker, TrackerConfig};
+use super::MapThread;
 use super::language_requests::LanguageRequests;
 use super::publisher::Publisher;
 use super::refiner::Refiner;
-use super::{MapThread, step_budget};
 use lexsplat_gpu::{Gaussians, Gpu, HostGaussians, Ties, Trainer};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 /// The settings of a map's stages.
 #[derive(Clone, Copy)]
@@ -57,7 +58,7 @@ pub(in super::super) fn spawn(
     };
     let (map, messages) = Map::new(name, config.queue_frames, empty);
     let map = Arc::new(map);
-    let steps = step_budget(config);
+    let steps = StepBudget::new(config.steps_per_keyframe, config.language_every);
     let mut thread = MapThread {
         config: config.clone(),
         compressor_config: configs.compressor.clone(),
@@ -73,6 +74,8 @@ pub(in super::super) fn spawn(
         refiner: Refiner::new(config),
         deferred: VecDeque::new(),
         progress: Progress::default(),
+        newest_frame: Instant::now(),
+        has_step_in_flight: false,
         saves: Vec::new(),
         map: map.clone(),
     };

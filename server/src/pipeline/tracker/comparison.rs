@@ -3,22 +3,17 @@
 //! In: keyframes, and where the frame is relative to them. Out: measured relative poses with covariances,
 //! which the pose graph is made of. The pose of the frame does not change.
 
-use super::super::features::Features;
 use super::super::keyframes::Keyframe;
 use super::super::pose_covariance::carried;
 use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
-use super::feature_pose::{self, FeaturePose};
 use super::frame_aligner::{FrameAligner, distance};
 use super::judge::Judge;
 use lexsplat_gpu::GpuError;
+use lexsplat_pictures::{FeaturePose, Features};
 use nalgebra::{Isometry3, Matrix6};
 
-/// A place is recognised by at least this many matched features,
-const LEAST_PAIRS: usize = 15;
-/// spread over the picture by at least this standard deviation, as the tangent of an angle,
-const LEAST_SPREAD: f64 = 0.08;
-/// with at least this share of the picture in view of the keyframe,
+/// A place is recognised with at least this share of the picture in view of the keyframe,
 const LEAST_OVERLAP: f64 = 0.4;
 /// and with an aligned pose that is as near to its start as this, metres
 const NEAR_METRES: f64 = 0.1;
@@ -76,11 +71,9 @@ pub(super) fn recognise(
     keyframe: &Keyframe,
     expected: Option<Isometry3<f64>>,
 ) -> Result<Option<Comparison>, GpuError> {
-    let matched = feature_pose::find(features, &keyframe.features);
+    let matched = FeaturePose::find(features, &keyframe.features);
     tracing::debug!(keyframe = keyframe.frame.sequence, ?matched);
-    let is_matched =
-        |found: &FeaturePose| found.pairs >= LEAST_PAIRS && found.spread >= LEAST_SPREAD;
-    let matched = matched.filter(is_matched).map(|found| found.keyframe_from_camera);
+    let matched = matched.filter(FeaturePose::is_certain).map(|found| found.keyframe_from_camera);
     let Some(start) = matched.or(expected) else { return Ok(None) };
     let Some(found) = aligner.align_last(keyframe, &start)? else { return Ok(None) };
     let Some(comparison) = Comparison::new(keyframe, &found) else { return Ok(None) };

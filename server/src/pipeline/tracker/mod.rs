@@ -15,7 +15,6 @@
 mod candidate;
 mod comparison;
 mod config;
-mod feature_pose;
 mod frame_aligner;
 mod judge;
 mod motion;
@@ -34,19 +33,17 @@ pub use config::{PhotometricConfig, TrackerConfig, TrackerMethod};
 pub(super) use scene::Scene;
 pub(super) use state::TrackerState;
 
-use super::depth_gaps;
 use super::downsampled_frame::DownsampledFrame;
-use super::features::Features;
 use super::frame::{Frame, TrackedPose, TrackingState};
 use super::keyframes::{Keyframe, KeyframeStore, Thumbnail};
 use candidate::{InitialPose, PoseCandidate};
-use feature_pose::FeaturePose;
 use frame_aligner::FrameAligner;
 use judge::Judge;
 use lexsplat_gpu::{Camera, Gpu, GpuError};
+use lexsplat_pictures::{FeaturePose, Features};
 use motion::{Expected, LONG_PAUSE, Motion, SHORT_PAUSE};
 use nalgebra::Isometry3;
-use quality::usable_share;
+use quality::{AlignmentQuality, usable_share};
 use search::{Origin, Search, is_searched_far};
 use std::cmp::Reverse;
 use young_map::YoungMap;
@@ -148,10 +145,13 @@ impl Tracker {
             return Ok(Tracking::Lost);
         };
         if self.young.may_begin_anew() {
-            let quality = aligner.align_with_stray()?.quality;
+            let quality = aligner.align_with_stray()?.map(|found| found.quality);
             tracing::debug!(sequence = frame.sequence, ?quality, "aligned with a lost frame");
-            if quality.is_tracked(&self.config)
-                && Judge::default().is_believable(&quality, &self.config)
+            let is_good = |quality: &AlignmentQuality| {
+                quality.is_tracked(&self.config)
+                    && Judge::default().is_believable(quality, &self.config)
+            };
+            if quality.as_ref().is_some_and(is_good)
                 && let Some(stray) = self.young.take_stray()
             {
                 return Ok(Tracking::BeginAnew(Box::new(stray)));
@@ -169,16 +169,16 @@ impl Tracker {
         scene: &mut Scene<'_>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
         let sent = DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width);
-        let image = depth_gaps::closed(&sent);
+        let image = sent.without_gaps();
         self.usable = if self.young.is_kept() { 0.0 } else { usable_share(&image) };
         if self.young.passes_over(&image, scene.gaussians.is_empty()) {
             return Ok(None);
         }
-        if self.aligner.is_none() {
-            self.aligner = FrameAligner::new(&self.gpu, &image.camera, &self.config)?;
-        }
         // Taken out, so that it can be borrowed beside the tracker's other fields.
-        let Some(mut aligner) = self.aligner.take() else { return Ok(None) };
+        let mut aligner = match self.aligner.take() {
+            Some(aligner) => aligner,
+            None => FrameAligner::new(&self.gpu, &self.config)?,
+        };
         let found = if !aligner.upload(&image, frame.sequence)? {
             None
         } else if scene.gaussians.is_empty() {
@@ -249,7 +249,7 @@ impl Tracker {
         Ok(())
     }
 
-    /// Starts from keyframes that share features with the frame.
+    /// Looks whether features confirm a result, and if not starts from keyframes that share features with the frame.
     fn search_by_features(
         &self,
         search: &mut Search<'_>,
@@ -257,13 +257,20 @@ impl Tracker {
         image: &DownsampledFrame,
         scene: &mut Scene<'_>,
     ) -> Result<(), GpuError> {
-        let features = Features::detect(image);
+        let features = Features::detect(&image.picture());
+        if let Some(expected) = search.expected() {
+            search
+                .confirm(&features, &self.references_at(scene.keyframes, &image.camera, expected));
+            if search.is_done() {
+                return Ok(());
+            }
+        }
         let count = self.config.relocalise_keyframes;
         let mut matched: Vec<(FeaturePose, &Keyframe)> = scene
             .keyframes
             .most_alike(&features, 2 * count, |_| true)
             .into_iter()
-            .filter_map(|kf| Some((feature_pose::find(&features, &kf.features)?, kf)))
+            .filter_map(|kf| Some((FeaturePose::find(&features, &kf.features)?, kf)))
             .collect();
         matched.sort_by_key(|(pose, _)| Reverse(pose.pairs));
         for (pose, keyframe) in matched.into_iter().take(count) {
@@ -385,14 +392,6 @@ impl Tracker {
         let Self { aligner, config, judge, .. } = self;
         let Some(aligner) = aligner else { return Ok(None) };
         comparison::recognise(aligner, (config, judge), features, keyframe, expected)
-    }
-
-    /// The map around the newest frame was moved by `moved_from_world`.
-    pub fn move_with_map(&mut self, moved_from_world: &Isometry3<f64>) {
-        self.motion.move_by(moved_from_world);
-        if let Some(aligner) = &mut self.aligner {
-            aligner.move_last(moved_from_world);
-        }
     }
 }
 

@@ -17,14 +17,15 @@ use lexsplat_gpu::align::se3::adjoint;
 use lexsplat_gpu::align::{Comparison, EXPOSURE_LIMIT};
 use lexsplat_gpu::{Aligned, Aligner, Estimate, GpuError, NormalSystem, Pyramid, Schedule};
 use nalgebra::{Isometry3, SMatrix};
+use std::sync::Arc;
 
 /// Information of b, far above what images contribute, so that b is fixed.
 const OFFSET_INFORMATION: f64 = 1e12;
 
 /// An image that a frame is compared with.
-#[derive(Clone, Copy)]
-pub(super) struct Reference<'a> {
-    pub pyramid: &'a Pyramid,
+#[derive(Clone)]
+pub(super) struct Reference {
+    pub pyramid: Arc<Pyramid>,
     pub world_from_reference: Isometry3<f64>,
     /// Exposure (c, d): the map's intensity is exp(c) times the image's plus d.
     pub exposure: [f64; 2],
@@ -39,7 +40,7 @@ pub(super) struct Reference<'a> {
 /// [`GpuError::DeviceLost`].
 pub(super) fn align(
     aligner: &mut Aligner,
-    references: &[Reference<'_>],
+    references: &[Reference],
     live: &Pyramid,
     world_from_base: &Isometry3<f64>,
     start: &Estimate,
@@ -82,7 +83,7 @@ pub(super) fn align(
 
 /// The estimate with which the reference is aligned with the live image instead.
 pub(super) fn reversed(
-    reference: &Reference<'_>,
+    reference: &Reference,
     world_from_live: &Isometry3<f64>,
     exposure: [f64; 2],
 ) -> Estimate {
@@ -108,7 +109,7 @@ struct LinearMap {
 }
 
 impl LinearMap {
-    fn new(reference: &Reference<'_>, world_from_base: &Isometry3<f64>) -> Self {
+    fn new(reference: &Reference, world_from_base: &Isometry3<f64>) -> Self {
         let reference_from_base = reference.world_from_reference.inverse() * world_from_base;
         let mut jacobian = SMatrix::<f64, 8, 8>::identity();
         jacobian.fixed_view_mut::<6, 6>(0, 0).copy_from(&adjoint(&reference_from_base));

@@ -1,4 +1,4 @@
-//! Keeping, putting back and forgetting what the tracker knows.
+//! Keeping, putting back, moving and forgetting what the tracker knows.
 
 use super::super::downsampled_frame::DownsampledFrame;
 use super::Tracker;
@@ -20,6 +20,14 @@ impl Tracker {
         }
     }
 
+    /// The map around the newest frame was moved by `moved_from_world`.
+    pub fn move_with_map(&mut self, moved_from_world: &Isometry3<f64>) {
+        self.motion.move_by(moved_from_world);
+        if let Some(aligner) = &mut self.aligner {
+            aligner.move_last(moved_from_world);
+        }
+    }
+
     /// Forgets the map, which was emptied. Kernels and buffers are kept.
     pub fn begin_anew(&mut self) {
         let aligner = self.aligner.take();
@@ -35,11 +43,8 @@ impl Tracker {
         let stray = young
             .stray()
             .map(|frame| DownsampledFrame::new(frame, &Isometry3::identity(), self.config.width));
-        let camera = last.as_ref().map(|(image, _)| image).or(stray.as_ref()).map(|im| &im.camera);
-        if let Some(camera) = camera {
-            self.aligner = FrameAligner::new(&self.gpu, camera, &self.config)?;
-        }
-        if let Some(aligner) = &mut self.aligner {
+        if last.is_some() || stray.is_some() {
+            let aligner = self.aligner.insert(FrameAligner::new(&self.gpu, &self.config)?);
             if let Some(stray) = &stray {
                 aligner.restore_stray(stray)?;
             }

@@ -4,11 +4,14 @@
 //! confirm each other if at least one of them started from features, because matches to two keyframes, or
 //! matches and a prediction, do not err together.
 
+use super::super::keyframes::Keyframe;
 use super::candidate::PoseCandidate;
 use super::config::TrackerConfig;
 use super::frame_aligner::distance;
 use super::judge::Judge;
 use super::motion::Expected;
+use lexsplat_pictures::{FeaturePose, Features};
+use nalgebra::Isometry3;
 
 /// Two poses nearer than this are the same, metres,
 const SAME_METRES: f64 = 0.01;
@@ -80,7 +83,8 @@ impl<'a> Search<'a> {
                 || 1.0 - quality.depth_agreement <= config.max_disagreement);
         let is_confirmed = is_likely
             && self.results.iter().any(|(other, result)| {
-                [*other, origin].contains(&Origin::Features) && is_same(result, &found)
+                [*other, origin].contains(&Origin::Features)
+                    && is_same(&result.world_from_camera, &found.world_from_camera)
             });
         if is_likely {
             self.results.push((origin, found));
@@ -100,6 +104,37 @@ impl<'a> Search<'a> {
         if is_confirmed || self.best.as_ref().is_none_or(is_better) {
             self.best = Some(found);
         }
+    }
+
+    /// Where the camera is expected; `None` while it is lost.
+    pub fn expected(&self) -> Option<&Isometry3<f64>> {
+        self.expected.as_ref().map(|expected| &expected.world_from_camera)
+    }
+
+    /// Matches features with those of keyframes, until they put the camera where a result is. That is confirmed
+    /// then, as if an alignment from the features had ended there.
+    pub fn confirm(&mut self, features: &Features, keyframes: &[&Keyframe]) {
+        for keyframe in keyframes {
+            if self.is_done || self.results.is_empty() {
+                return;
+            }
+            let matched = FeaturePose::find(features, &keyframe.features);
+            if let Some(matched) = matched.filter(FeaturePose::is_certain) {
+                let world_from_keyframe = &keyframe.frame.world_from_camera;
+                self.add_matched(&(world_from_keyframe * matched.keyframe_from_camera));
+            }
+        }
+    }
+
+    /// Adds where matched features alone put the camera.
+    fn add_matched(&mut self, world_from_camera: &Isometry3<f64>) {
+        let same = |(_, result): &&(Origin, PoseCandidate)| {
+            is_same(&result.world_from_camera, world_from_camera)
+        };
+        let Some((origin, found)) = self.results.iter().find(same) else { return };
+        let jumped = *origin == Origin::Guess && self.is_elsewhere(found);
+        self.best = Some(PoseCandidate { jumped, ..*found });
+        self.is_done = true;
     }
 
     /// Whether a pose is farther from the expected one than the motion explains.
@@ -134,8 +169,8 @@ fn is_alias(expected: &PoseCandidate, elsewhere: &PoseCandidate) -> bool {
     !expected.jumped && elsewhere.jumped && there < here - LESS_DEPTH
 }
 
-fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
-    let (metres, radians) = distance(&a.world_from_camera, &b.world_from_camera);
+fn is_same(a: &Isometry3<f64>, b: &Isometry3<f64>) -> bool {
+    let (metres, radians) = distance(a, b);
     metres < SAME_METRES && radians < SAME_RADIANS
 }
 
@@ -143,7 +178,6 @@ fn is_same(a: &PoseCandidate, b: &PoseCandidate) -> bool {
 mod tests {
     use super::*;
     use crate::pipeline::tracker::quality::AlignmentQuality;
-    use nalgebra::Isometry3;
 
     fn result(agreement: f64, x: f64) -> PoseCandidate {
         with_depth(agreement, agreement, x)
@@ -192,6 +226,22 @@ mod tests {
         assert_eq!(found(&two), (Some(2.0), false), "the better of two");
         let confirmed = [(Prediction, 0.87, 1.0), (Features, 0.8, 2.0), (Features, 0.8, 2.0)];
         assert_eq!(found(&confirmed), (Some(2.0), true), "two are worth more than a better one");
+    }
+
+    #[test]
+    fn matched_features_confirm_a_result_at_the_same_place_only() {
+        let (config, judge) = (TrackerConfig::default(), Judge::default());
+        let found = |agreement: f64, matched: f64| {
+            let mut search = Search::new(&config, &judge, 0, None);
+            search.add(Origin::Prediction, result(agreement, 1.0));
+            assert!(!search.is_done(), "alone it is not");
+            search.add_matched(&Isometry3::translation(matched, 0.0, 0.0));
+            let is_done = search.is_done();
+            (search.best().map(|best| best.world_from_camera.translation.x), is_done)
+        };
+        assert_eq!(found(0.7, 1.005), (Some(1.0), true));
+        assert_eq!(found(0.7, 1.02), (None, false), "elsewhere");
+        assert_eq!(found(0.5, 1.0), (None, false), "too little agrees to be likely");
     }
 
     #[test]

@@ -3,9 +3,7 @@
 use super::super::super::downsampled_frame::DownsampledFrame;
 use super::super::super::keyframes::Keyframe;
 use super::super::candidate::PoseCandidate;
-use super::super::multi_reference::Reference;
-use super::images::{fit, levels};
-use super::{CHECKED_STRIDE, FrameAligner, MAX_STRIDE, align};
+use super::{CHECKED_STRIDE, FrameAligner, MAX_STRIDE, Uploaded, align};
 use lexsplat_gpu::{Estimate, GpuError, Schedule};
 use nalgebra::Isometry3;
 
@@ -23,13 +21,13 @@ impl FrameAligner {
         keyframe: &Keyframe,
         keyframes: &[&Keyframe],
     ) -> Result<Option<PoseCandidate>, GpuError> {
-        let Some(last) = self.last_found else { return Ok(None) };
+        let Some(last) = self.last_found() else { return Ok(None) };
         self.upload_keyframes(keyframes)?;
         let mut schedule = Schedule { steps: vec![0], ..self.schedule(false, None, 1) };
         let stride = schedule.settings.stride * CHECKED_STRIDE;
         schedule.settings.stride = stride.min(MAX_STRIDE as u32);
         let pose = keyframe.frame.world_from_camera.inverse() * last.world_from_camera;
-        self.align_last_from(keyframe, &pose, last.exposure, &schedule).map(Some)
+        self.align_last_from(keyframe, &pose, last.exposure, &schedule)
     }
 
     /// Aligns the last tracked frame with a keyframe alone, from a start that may be a few centimetres off;
@@ -42,22 +40,27 @@ impl FrameAligner {
         keyframe: &Keyframe,
         keyframe_from_camera: &Isometry3<f64>,
     ) -> Result<Option<PoseCandidate>, GpuError> {
-        let Some(last) = self.last_found else { return Ok(None) };
+        let Some(last) = self.last_found() else { return Ok(None) };
         self.upload_keyframes(&[keyframe])?;
         let schedule = self.schedule(false, None, 1);
         let world_from_keyframe = keyframe.frame.world_from_camera;
-        let mut found =
-            self.align_last_from(keyframe, keyframe_from_camera, last.exposure, &schedule)?;
-        for _ in 1..ALIGNMENTS {
-            let start = world_from_keyframe.inverse() * found.world_from_camera;
-            found = self.align_last_from(keyframe, &start, found.exposure, &schedule)?;
+        let (mut start, mut exposure, mut aligned) = (*keyframe_from_camera, last.exposure, None);
+        for _ in 0..ALIGNMENTS {
+            aligned = self.align_last_from(keyframe, &start, exposure, &schedule)?;
+            let Some(found) = &aligned else { break };
+            start = world_from_keyframe.inverse() * found.world_from_camera;
+            exposure = found.exposure;
         }
-        Ok(Some(found))
+        Ok(aligned)
     }
 
     /// The last tracked frame, and where it was found.
     pub fn last(&self) -> Option<(DownsampledFrame, PoseCandidate)> {
-        self.last_image.clone().zip(self.last_found)
+        self.last.as_ref().map(|(last, found)| (last.image.clone(), *found))
+    }
+
+    fn last_found(&self) -> Option<PoseCandidate> {
+        self.last.as_ref().map(|(_, found)| *found)
     }
 
     /// Puts back the last tracked frame.
@@ -69,10 +72,8 @@ impl FrameAligner {
         image: DownsampledFrame,
         found: PoseCandidate,
     ) -> Result<(), GpuError> {
-        let levels = levels(&image.camera, &self.config).unwrap_or(1);
-        fit(&self.pyramids, &mut self.last, &image.camera, levels)?;
-        self.pyramids.fill(&mut self.last, &image.rgb, &image.depth_metres)?;
-        (self.last_image, self.last_found) = (Some(image), Some(found));
+        let Some(pyramid) = self.images.make(&image)? else { return Ok(()) };
+        self.last = Some((Uploaded { sequence: None, image, pyramid }, found));
         Ok(())
     }
 
@@ -81,37 +82,29 @@ impl FrameAligner {
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn restore_stray(&mut self, image: &DownsampledFrame) -> Result<(), GpuError> {
-        let levels = levels(&image.camera, &self.config).unwrap_or(1);
-        fit(&self.pyramids, &mut self.stray, &image.camera, levels)?;
-        self.pyramids.fill(&mut self.stray, &image.rgb, &image.depth_metres)
+        self.stray = self.images.make(image)?;
+        Ok(())
     }
 
     /// The map around the last tracked frame was moved.
     pub fn move_last(&mut self, moved_from_world: &Isometry3<f64>) {
-        if let Some(last) = &mut self.last_found {
-            last.world_from_camera = moved_from_world * last.world_from_camera;
+        if let Some((_, found)) = &mut self.last {
+            found.world_from_camera = moved_from_world * found.world_from_camera;
         }
     }
 
+    /// `None` if the keyframe is not on the device.
     fn align_last_from(
         &mut self,
         keyframe: &Keyframe,
         keyframe_from_camera: &Isometry3<f64>,
         exposure: [f64; 2],
         schedule: &Schedule,
-    ) -> Result<PoseCandidate, GpuError> {
-        let sequence = keyframe.frame.sequence;
-        let uploaded = self.keyframes.iter().find(|(uploaded, _)| *uploaded == sequence);
-        let (_, pyramid) = uploaded.expect("the keyframe was uploaded");
-        let world_from_reference = keyframe.frame.world_from_camera;
-        let reference = Reference {
-            pyramid,
-            world_from_reference,
-            exposure: keyframe.map_exposure,
-            weight: 1.0,
-        };
+    ) -> Result<Option<PoseCandidate>, GpuError> {
+        let last = self.last.as_ref().map(|(last, _)| last.pyramid.clone());
+        let Some((live, reference)) = last.zip(self.reference(keyframe)) else { return Ok(None) };
         let start = Estimate { reference_from_live: *keyframe_from_camera, exposure };
-        let aligner = &mut self.aligner;
-        align(aligner, &[reference], &self.last, &world_from_reference, &start, schedule)
+        let base = reference.world_from_reference;
+        align(&mut self.aligner, &[reference], &live, &base, &start, schedule).map(Some)
     }
 }

@@ -17,15 +17,15 @@ use super::multi_reference::{self, Reference};
 use super::quality::{self, AlignmentQuality};
 use super::scene::Scene;
 use super::uncertainty;
-use images::{fit, levels, within_levels};
+use images::{Images, is_for, within_levels};
 use lexsplat_gpu::Recorder;
 use lexsplat_gpu::align::Prior;
 use lexsplat_gpu::{
-    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, NormalSystem, Pyramid, Pyramids,
-    Schedule,
+    AlignSettings, Aligner, Camera, Estimate, Gpu, GpuError, NormalSystem, Pyramid, Schedule,
 };
 use nalgebra::Isometry3;
 use prior::prior;
+use std::sync::Arc;
 
 /// Factor of thresholds and gates for a wide initial pose.
 const WIDE_FACTOR: f64 = 5.0;
@@ -45,55 +45,43 @@ const MAX_STRIDE: usize = 64;
 pub(super) struct FrameAligner {
     gpu: Gpu,
     config: TrackerConfig,
-    pyramids: Pyramids,
+    images: Images,
     aligner: Aligner,
     /// The map rendered from the initial pose.
-    rendered: Pyramid,
-    /// The frame to be aligned.
-    live: Pyramid,
-    live_image: Option<DownsampledFrame>,
-    /// Its sequence number.
-    uploaded: Option<u64>,
-    /// The last tracked frame.
-    last: Pyramid,
-    last_image: Option<DownsampledFrame>,
-    last_found: Option<PoseCandidate>,
+    rendered: Option<Arc<Pyramid>>,
+    /// The frame to be aligned, if it is not kept as another one.
+    live: Option<Uploaded>,
+    /// The last tracked frame, and where it was found.
+    last: Option<(Uploaded, PoseCandidate)>,
     /// The last lost frame, if it was kept.
-    stray: Pyramid,
+    stray: Option<Arc<Pyramid>>,
     /// Images of the keyframes used last, by sequence number.
-    keyframes: Vec<(u64, Pyramid)>,
+    keyframes: Vec<(u64, Arc<Pyramid>)>,
+}
+
+/// A frame on the device.
+struct Uploaded {
+    /// Its number; `None` if it was put back from a checkpoint.
+    sequence: Option<u64>,
+    image: DownsampledFrame,
+    pyramid: Arc<Pyramid>,
 }
 
 impl FrameAligner {
-    /// With room for frames of this camera; `None` if they are too small to be aligned.
-    ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
-    pub fn new(
-        gpu: &Gpu,
-        camera: &Camera,
-        config: &TrackerConfig,
-    ) -> Result<Option<Self>, GpuError> {
-        let Some(levels) = levels(camera, config) else { return Ok(None) };
-        let pyramids = Pyramids::new(gpu)?;
-        let allocate = || pyramids.allocate(camera, levels);
-        let (rendered, live, last) = (allocate()?, allocate()?, allocate()?);
-        let stray = allocate()?;
-        Ok(Some(Self {
+    pub fn new(gpu: &Gpu, config: &TrackerConfig) -> Result<Self, GpuError> {
+        Ok(Self {
             gpu: gpu.clone(),
             config: config.clone(),
+            images: Images::new(gpu, config)?,
             aligner: Aligner::new(gpu)?,
-            pyramids,
-            rendered,
-            live,
-            live_image: None,
-            uploaded: None,
-            last,
-            last_image: None,
-            last_found: None,
-            stray,
+            rendered: None,
+            live: None,
+            last: None,
+            stray: None,
             keyframes: Vec::new(),
-        }))
+        })
     }
 
     /// Uploads a new frame, which may have another camera than the one before. Returns false if it is too
@@ -102,31 +90,34 @@ impl FrameAligner {
     /// # Errors
     /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].
     pub fn upload(&mut self, frame: &DownsampledFrame, sequence: u64) -> Result<bool, GpuError> {
-        let Some(levels) = levels(&frame.camera, &self.config) else { return Ok(false) };
-        for pyramid in [&mut self.live, &mut self.rendered] {
-            fit(&self.pyramids, pyramid, &frame.camera, levels)?;
+        if let Some(before) = self.live.take() {
+            self.images.give_back(before.pyramid);
         }
-        self.uploaded = Some(sequence);
-        self.live_image = Some(frame.clone());
-        self.pyramids.fill(&mut self.live, &frame.rgb, &frame.depth_metres)?;
+        let Some(pyramid) = self.images.make(frame)? else { return Ok(false) };
+        let sequence = Some(sequence);
+        self.live = Some(Uploaded { sequence, image: frame.clone(), pyramid });
         Ok(true)
     }
 
-    /// Whether this frame was uploaded last.
+    /// Whether this frame was uploaded last, and not tracked.
     pub fn is_uploaded(&self, frame: &Frame) -> bool {
-        self.uploaded == Some(frame.sequence)
+        self.live.as_ref().is_some_and(|live| live.sequence == Some(frame.sequence))
     }
 
     /// Keeps the uploaded frame, which was tracked, as the last frame.
     pub fn keep_as_last(&mut self, found: &PoseCandidate) {
-        std::mem::swap(&mut self.live, &mut self.last);
-        self.last_image = self.live_image.take();
-        self.last_found = Some(*found);
+        let Some(live) = self.live.take() else { return };
+        if let Some((before, _)) = self.last.replace((live, *found)) {
+            self.images.give_back(before.pyramid);
+        }
     }
 
     /// Keeps the uploaded frame, which was lost.
     pub fn keep_as_stray(&mut self) {
-        std::mem::swap(&mut self.live, &mut self.stray);
+        let Some(live) = self.live.take() else { return };
+        if let Some(before) = self.stray.replace(live.pyramid) {
+            self.images.give_back(before);
+        }
     }
 
     /// Aligns the frame with keyframes, and with the map rendered at the initial pose if `map_weight` is set
@@ -162,27 +153,29 @@ impl FrameAligner {
         Ok(found)
     }
 
-    /// Puts the images of these keyframes on the device, in place of those that are no longer used.
+    /// Puts the images of these keyframes on the device, in place of those that are no longer used. One that is
+    /// too small, whose pose was given, is left out.
     fn upload_keyframes(&mut self, keyframes: &[&Keyframe]) -> Result<(), GpuError> {
         let is_wanted = |sequence: u64| keyframes.iter().any(|kf| kf.frame.sequence == sequence);
-        let (kept, mut spare): (Vec<_>, Vec<_>) =
+        let (kept, unused): (Vec<_>, Vec<_>) =
             self.keyframes.drain(..).partition(|(sequence, _)| is_wanted(*sequence));
         self.keyframes = kept;
+        unused.into_iter().for_each(|(_, pyramid)| self.images.give_back(pyramid));
         for keyframe in keyframes {
             let sequence = keyframe.frame.sequence;
             if self.keyframes.iter().any(|(uploaded, _)| *uploaded == sequence) {
                 continue;
             }
-            let image = &keyframe.tracking;
-            // A keyframe was large enough when it was tracked, or its pose was given.
-            let levels = levels(&image.camera, &self.config).unwrap_or(1);
-            let mut pyramid = match spare.pop() {
-                Some((_, pyramid)) => pyramid,
-                None => self.pyramids.allocate(&image.camera, levels)?,
+            // A new keyframe is the last frame.
+            let last = self.last.as_ref().map(|(last, _)| last);
+            let same = last.filter(|last| {
+                last.sequence == Some(sequence) && is_for(&last.pyramid, &keyframe.tracking.camera)
+            });
+            let pyramid = match same {
+                Some(last) => Some(last.pyramid.clone()),
+                None => self.images.make(&keyframe.tracking)?,
             };
-            fit(&self.pyramids, &mut pyramid, &image.camera, levels)?;
-            self.pyramids.fill(&mut pyramid, &image.rgb, &image.depth_metres)?;
-            self.keyframes.push((sequence, pyramid));
+            self.keyframes.extend(pyramid.map(|pyramid| (sequence, pyramid)));
         }
         Ok(())
     }
@@ -196,28 +189,19 @@ impl FrameAligner {
         is_wide: bool,
         keyframes: &[&Keyframe],
     ) -> Result<PoseCandidate, GpuError> {
-        let mut references = Vec::new();
         let map_weight = if keyframes.is_empty() { 1.0 } else { self.config.map_weight };
         if map_weight > 0.0 {
             self.render(scene, world_from_base)?;
-            references.push(Reference {
-                pyramid: &self.rendered,
-                world_from_reference: *world_from_base,
-                exposure: [0.0; 2],
-                weight: map_weight,
-            });
         }
-        for keyframe in keyframes {
-            let sequence = keyframe.frame.sequence;
-            let uploaded = self.keyframes.iter().find(|(uploaded, _)| *uploaded == sequence);
-            let (_, pyramid) = uploaded.expect("the keyframe was uploaded");
-            references.push(Reference {
-                pyramid,
-                world_from_reference: keyframe.frame.world_from_camera,
-                exposure: keyframe.map_exposure,
-                weight: 1.0,
-            });
-        }
+        let rendered = self.rendered.clone().filter(|_| map_weight > 0.0);
+        let rendered = rendered.map(|pyramid| Reference {
+            pyramid,
+            world_from_reference: *world_from_base,
+            exposure: [0.0; 2],
+            weight: map_weight,
+        });
+        let uploaded = keyframes.iter().filter_map(|keyframe| self.reference(keyframe));
+        let references: Vec<Reference> = rendered.into_iter().chain(uploaded).collect();
         let prior = start.information.as_ref().map(|information| {
             // Neighbouring pixels are correlated, and only some of them are compared.
             let stride = self.stride(references.len());
@@ -229,8 +213,24 @@ impl FrameAligner {
         });
         let schedule = self.schedule(is_wide, prior, references.len());
         let estimate = Estimate { exposure: start.exposure, ..Estimate::default() };
-        let aligner = &mut self.aligner;
-        align(aligner, &references, &self.live, world_from_base, &estimate, &schedule)
+        let live = self.live_pyramid();
+        align(&mut self.aligner, &references, &live, world_from_base, &estimate, &schedule)
+    }
+
+    /// A keyframe as a reference, if it is on the device.
+    fn reference(&self, keyframe: &Keyframe) -> Option<Reference> {
+        let sequence = keyframe.frame.sequence;
+        let (_, pyramid) = self.keyframes.iter().find(|(uploaded, _)| *uploaded == sequence)?;
+        Some(Reference {
+            pyramid: pyramid.clone(),
+            world_from_reference: keyframe.frame.world_from_camera,
+            exposure: keyframe.map_exposure,
+            weight: 1.0,
+        })
+    }
+
+    fn live_pyramid(&self) -> Arc<Pyramid> {
+        self.live.as_ref().expect("the frame was uploaded").pyramid.clone()
     }
 
     fn render(
@@ -238,13 +238,23 @@ impl FrameAligner {
         scene: &mut Scene<'_>,
         world_from_base: &Isometry3<f64>,
     ) -> Result<(), GpuError> {
+        let live = self.live_pyramid();
+        let own = &live.levels()[0].camera;
+        let rendered = self.rendered.take().filter(|rendered| is_for(rendered, own));
+        let rendered = match rendered {
+            Some(rendered) => Some(rendered),
+            None => self.images.empty(own)?.map(Arc::new),
+        };
+        let rendered = rendered.expect("the frame is large enough");
         let camera_from_world = world_from_base.inverse().cast();
-        let camera = Camera { camera_from_world, ..self.live.levels()[0].camera.clone() };
+        let camera = Camera { camera_from_world, ..own.clone() };
         let drawn = scene.trainer.renderer().draw_color(scene.gaussians, &camera)?;
         let drawn = drawn.expect("the tracker does not ask an empty map");
         let mut recorder = Recorder::new(&self.gpu)?;
-        self.pyramids.fill_rendered(&mut recorder, &self.rendered, drawn.image, drawn.pixels)?;
+        let pyramids = &self.images.pyramids;
+        pyramids.fill_rendered(&mut recorder, &rendered, drawn.image, drawn.pixels)?;
         recorder.submit();
+        self.rendered = Some(rendered);
         Ok(())
     }
 
@@ -256,40 +266,46 @@ impl FrameAligner {
         &mut self,
         start: &InitialPose,
     ) -> Result<Option<PoseCandidate>, GpuError> {
-        let Some(last) = self.last_found else { return Ok(None) };
+        let Some((last, found)) = &self.last else { return Ok(None) };
         let reference = Reference {
-            pyramid: &self.last,
-            world_from_reference: last.world_from_camera,
-            exposure: last.exposure,
+            pyramid: last.pyramid.clone(),
+            world_from_reference: found.world_from_camera,
+            exposure: found.exposure,
             weight: 1.0,
         };
-        let schedule = self.schedule(false, None, 1);
-        let estimate = Estimate { exposure: last.exposure, ..Estimate::default() };
-        let (aligner, live, base) = (&mut self.aligner, &self.live, &start.world_from_camera);
-        align(aligner, &[reference], live, base, &estimate, &schedule).map(Some)
+        let estimate = Estimate { exposure: found.exposure, ..Estimate::default() };
+        self.align_narrowly(reference, &start.world_from_camera, &estimate).map(Some)
     }
 
-    /// Aligns the frame with the lost one that was kept, in that frame's coordinates.
+    /// Aligns the frame with the lost one that was kept, in that frame's coordinates; `None` if there is none.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
-    pub fn align_with_stray(&mut self) -> Result<PoseCandidate, GpuError> {
+    pub fn align_with_stray(&mut self) -> Result<Option<PoseCandidate>, GpuError> {
         let base = Isometry3::identity();
-        let reference = Reference {
-            pyramid: &self.stray,
-            world_from_reference: base,
-            exposure: [0.0; 2],
-            weight: 1.0,
-        };
+        let Some(pyramid) = self.stray.clone() else { return Ok(None) };
+        let reference =
+            Reference { pyramid, world_from_reference: base, exposure: [0.0; 2], weight: 1.0 };
+        self.align_narrowly(reference, &base, &Estimate::default()).map(Some)
+    }
+
+    /// Aligns the frame with one reference.
+    fn align_narrowly(
+        &mut self,
+        reference: Reference,
+        world_from_base: &Isometry3<f64>,
+        start: &Estimate,
+    ) -> Result<PoseCandidate, GpuError> {
         let schedule = self.schedule(false, None, 1);
-        let (aligner, live, start) = (&mut self.aligner, &self.live, Estimate::default());
-        align(aligner, &[reference], live, &base, &start, &schedule)
+        let live = self.live_pyramid();
+        align(&mut self.aligner, &[reference], &live, world_from_base, start, &schedule)
     }
 
     /// Every how many pixels of the finest level one is compared with a reference. Several references
     /// share the pixels that are compared.
     fn stride(&self, references: usize) -> u32 {
-        let pixels = references * self.live.levels()[0].camera.pixels();
+        let live = self.live.as_ref().or(self.last.as_ref().map(|(last, _)| last));
+        let pixels = live.map_or(1, |live| references * live.pyramid.levels()[0].camera.pixels());
         let stride = pixels / self.config.pixels.max(1);
         stride.clamp(1, MAX_STRIDE) as u32
     }
@@ -335,7 +351,7 @@ pub(super) fn distance(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (f64, f64)
 /// Runs the alignment and measures the quality of its result.
 fn align(
     aligner: &mut Aligner,
-    references: &[Reference<'_>],
+    references: &[Reference],
     live: &Pyramid,
     world_from_base: &Isometry3<f64>,
     start: &Estimate,

@@ -1,7 +1,7 @@
 //! Corners: places whose surroundings change in every direction (Shi and Tomasi 1994).
 
-use super::super::downsampled_frame::DownsampledFrame;
-use super::grey::{Grey, box_sum};
+use crate::grey::{Grey, box_sum};
+use crate::picture::Picture;
 
 /// Each cell of this many columns and rows gives at most one corner, so that they cover the image.
 const CELL: usize = 12;
@@ -15,18 +15,23 @@ const MAX_CORNERS: usize = 800;
 const SAME_SURFACE: f32 = 0.03;
 
 /// Columns and rows of corners, the most distinct first.
-pub(super) fn find(image: &Grey) -> Vec<[usize; 2]> {
+pub(crate) fn find(image: &Grey) -> Vec<[usize; 2]> {
     let score = smaller_eigenvalues(image);
     let Grey { width, height, .. } = *image;
     let mut found: Vec<(f32, [usize; 2])> = Vec::new();
     for top in (BORDER..height.saturating_sub(BORDER)).step_by(CELL) {
         for left in (BORDER..width.saturating_sub(BORDER)).step_by(CELL) {
-            let rows = top..(top + CELL).min(height - BORDER);
-            let columns = left..(left + CELL).min(width - BORDER);
-            let places = rows.flat_map(|row| columns.clone().map(move |column| [column, row]));
-            let scored = places.map(|place| (score[place[1] * width + place[0]], place));
-            let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
-            found.extend(best.filter(|(score, _)| *score > LEAST));
+            let (right, bottom) =
+                ((left + CELL).min(width - BORDER), (top + CELL).min(height - BORDER));
+            let mut best = (LEAST, None);
+            for row in top..bottom {
+                for (at, score) in score[row * width..][left..right].iter().enumerate() {
+                    if *score > best.0 {
+                        best = (*score, Some([left + at, row]));
+                    }
+                }
+            }
+            found.extend(best.1.map(|place| (best.0, place)));
         }
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -39,15 +44,20 @@ fn smaller_eigenvalues(image: &Grey) -> Vec<f32> {
     let Grey { width, height, values } = image;
     let mut products = [(); 3].map(|()| vec![0.0; values.len()]);
     for row in 1..height.saturating_sub(1) {
-        for at in row * width + 1..(row + 1) * width - 1 {
-            let dx = 0.5 * (values[at + 1] - values[at - 1]);
-            let dy = 0.5 * (values[at + width] - values[at - width]);
-            products[0][at] = dx * dx;
-            products[1][at] = dx * dy;
-            products[2][at] = dy * dy;
+        let inner = row * width + 1..(row + 1) * width - 1;
+        let [xx, xy, yy] = products.each_mut().map(|product| &mut product[inner.clone()]);
+        let here = &values[inner.start - 1..inner.end + 1];
+        let above = &values[inner.start - width..inner.end - width];
+        let below = &values[inner.start + width..inner.end + width];
+        for at in 0..inner.len() {
+            let dx = 0.5 * (here[at + 2] - here[at]);
+            let dy = 0.5 * (below[at] - above[at]);
+            xx[at] = dx * dx;
+            xy[at] = dx * dy;
+            yy[at] = dy * dy;
         }
     }
-    let [xx, xy, yy] = products.map(|product| box_sum(&product, *width, *height, 2));
+    let [xx, xy, yy] = products.map(|product| box_sum(&product, *width, *height));
     let smaller = |((xx, xy), yy): ((&f32, &f32), &f32)| {
         0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt())
     };
@@ -55,8 +65,8 @@ fn smaller_eigenvalues(image: &Grey) -> Vec<f32> {
 }
 
 /// Depth of a corner, metres: the mean of the nearest surface in 3x3 pixels; `None` without one.
-pub(super) fn depth(image: &DownsampledFrame, column: usize, row: usize) -> Option<f32> {
-    let width = image.camera.width as usize;
+pub(crate) fn depth(image: &Picture<'_>, column: usize, row: usize) -> Option<f32> {
+    let width = image.width;
     let around = (row - 1..=row + 1)
         .flat_map(|row| (column - 1..=column + 1).map(move |column| row * width + column))
         .map(|at| image.depth_metres[at])

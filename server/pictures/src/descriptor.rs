@@ -1,6 +1,6 @@
 //! Binary descriptors of the surroundings of a corner.
 
-use super::grey::Grey;
+use crate::grey::Grey;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -30,7 +30,7 @@ static PAIRS: LazyLock<Vec<[[f32; 2]; 2]>> = LazyLock::new(|| {
 
 /// One bit for each pair of points: whether the first is darker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Descriptor([u64; BITS / 64]);
+pub(crate) struct Descriptor([u64; BITS / 64]);
 
 impl Descriptor {
     /// Describes the surroundings of a pixel in a smoothed image.
@@ -51,6 +51,6 @@ impl Descriptor {
 }
 
 /// Radius of the described pixels for a focal length in pixels and a depth in metres.
-pub(super) fn radius(focal: f32, depth: f32) -> f32 {
+pub(crate) fn radius(focal: f32, depth: f32) -> f32 {
     (RADIUS_METRES * focal / depth).clamp(RADIUS_PIXELS.0, RADIUS_PIXELS.1)
 }
