@@ -10,8 +10,8 @@ const CHANNELS: usize = 15;
 /// otherwise: 4e-6 on llvmpipe.
 const TOLERANCE: f32 = 1e-4;
 
-/// Splats that are long, thin and slanted: each one's bounding box has thousands of tiles, of which it touches
-/// few.
+/// Splats that are long, thin and slanted: each one's bounding box has thousands of tiles, of which it
+/// touches few.
 fn needles() -> HostGaussians {
     let mut scene = support::scene(95, 600, CHANNELS, 0.1);
     scene.color.log_scales.fill([-0.7, -5.0, -5.0]);

@@ -87,8 +87,8 @@ fn a_forgotten_keyframe_leaves_its_pose_and_frees_its_bytes() {
 #[test]
 fn bytes_count_shared_images_once() {
     let store = store();
-    // Full size: 160x120 RGB, depth that the tracker shares, and depth in half precision; half size: RGB, depth
-    // and 8 bytes a pixel on the device.
+    // Full size: 160x120 RGB, depth that the tracker shares, and depth in half precision; half size: RGB,
+    // depth and 8 bytes a pixel on the device.
     let (full, half) = (160 * 120, 80 * 60);
     assert_eq!(store.bytes(), 3 * (full * (7 + 2) + half * (7 + 8)));
 }

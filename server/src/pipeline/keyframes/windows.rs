@@ -12,8 +12,8 @@ use lexsplat_gpu::Camera;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Depth of a whole picture, `[height * width]`, metres; 0 where nothing was measured. Half precision changes a
-/// depth by less than 0.0005 of it.
+/// Depth of a whole picture, `[height * width]`, metres; 0 where nothing was measured. Half precision changes
+/// a depth by less than 0.0005 of it.
 #[derive(Clone)]
 pub(super) struct FullDepth(pub Arc<[f16]>);
 

@@ -26,7 +26,7 @@ use super::registration;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
-    MAPPING_SECONDS, REFINEMENT_SECONDS, SNAPSHOT_SECONDS, TRACKING_SECONDS, timed,
+    MAPPING_SECONDS, REFINEMENT_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
 use lexsplat_gpu::{Gpu, GpuError, Trainer};
@@ -110,8 +110,8 @@ impl MapThread {
     }
 
     /// Waits for the next work. Frames come before optimiser steps; with the clock `per_frame` a frame
-    /// waits until the keyframe before it has its language and all its steps. The map is refined when there is
-    /// nothing else. `None`: no handle to the map is left.
+    /// waits until the keyframe before it has its language and all its steps. The map is refined when there
+    /// is nothing else. `None`: no handle to the map is left.
     fn next(&mut self, messages: &mut mpsc::Receiver<Message>) -> Option<Work> {
         if self.config.clock == Clock::PerFrame {
             while self.language.is_pending() {
@@ -377,35 +377,6 @@ impl MapThread {
     /// Whether nothing is left to do before the next frame.
     fn is_idle(&self) -> bool {
         !self.live.has_steps() && !self.language.is_pending()
-    }
-
-    /// Publishes changes when the map is idle and, with the clock `realtime`, every few seconds. With
-    /// `per_frame` publishing by time would make results depend on it: copying waits for the steps in
-    /// flight, and steps that met full lists are then repeated in another order.
-    fn publish_if_due(&mut self) -> Result<(), GpuError> {
-        if self.refiner.publishes(&self.live, self.publisher.age()) {
-            self.publisher.gaussians_changed();
-        }
-        let is_realtime = self.config.clock == Clock::Realtime;
-        let is_old = self.publisher.age().as_secs_f64() >= self.config.snapshot_seconds;
-        if self.is_idle() || (is_realtime && is_old) { self.publish_changes() } else { Ok(()) }
-    }
-
-    /// In this order: who sees that no work is left knows how far the map is refined.
-    fn tell_state(&self) {
-        let is_idle = self.is_idle();
-        self.map.set_refinement(self.refiner.state(&self.live, is_idle));
-        self.map.set_working(!is_idle);
-    }
-
-    fn publish_changes(&mut self) -> Result<(), GpuError> {
-        if !self.publisher.has_changes() {
-            return Ok(());
-        }
-        timed(SNAPSHOT_SECONDS, || {
-            let through = self.progress.through;
-            self.publisher.publish(&mut self.live, &mut self.trainer, &self.map, through)
-        })
     }
 }
 
