@@ -20,13 +20,12 @@ pub struct HttpClient {
     client: reqwest::Client,
     /// How long the server may wait before it reads the map, seconds.
     wait_seconds: Option<u64>,
-    /// What it waits for then.
     wait: &'static str,
 }
 
 /// How long a request waits for a map that the server is loading.
 const LOADING: Duration = Duration::from_secs(600);
-/// Between two tries meanwhile.
+/// Between two tries.
 const RETRY: Duration = Duration::from_secs(1);
 
 impl HttpClient {
@@ -52,14 +51,14 @@ impl HttpClient {
         })
     }
 
-    /// Questions, exports and trajectories wait in the server, at most so long, until the map has done its
-    /// work on all frames that were acknowledged. Afterwards they are of what there is, and say so.
+    /// Questions, exports and trajectories wait in the server, at most so long, until the map has used all
+    /// acknowledged frames. Afterwards they are of what there is, and say so.
     #[must_use]
     pub fn waiting(self, seconds: u64) -> Self {
         Self { wait_seconds: Some(seconds), ..self }
     }
 
-    /// What waits, waits until the map has been refined as well.
+    /// It waits until the map has been refined as well.
     #[must_use]
     pub fn until_converged(self) -> Self {
         Self { wait: "converged", ..self }

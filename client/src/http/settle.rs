@@ -1,4 +1,5 @@
-//! Waiting until a map is settled: no frame waits and its optimisation is done. Or until it has also been refined.
+//! Waiting until a map is settled: no frame waits and its optimisation is done. Or until it has also been
+//! refined.
 
 use super::client::HttpClient;
 use super::error::HttpError;
@@ -40,8 +41,8 @@ impl HttpClient {
         }
     }
 
-    /// Waits until the map has been refined; calls `on_status` with a status now and then before that. A map that
-    /// is never refined is only waited for until it is settled.
+    /// Waits until the map has been refined; calls `on_status` with a status now and then before that. A
+    /// map that is never refined is only waited for until it is settled.
     ///
     /// # Errors
     /// As [`Self::settled`].

@@ -281,21 +281,8 @@ impl Gpu {
             drop(view);
             staging.unmap();
         }
+        self.keep_staging(staging);
         Ok(())
-    }
-
-    /// Memory through which is read back.
-    fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
-        let descriptor = wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: bytes,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        };
-        self.scoped(
-            |device| device.create_buffer(&descriptor),
-            |reason| GpuError::OutOfMemory { label: "read back".to_owned(), bytes, reason },
-        )
     }
 }
 

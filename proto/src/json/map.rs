@@ -51,8 +51,8 @@ pub struct Status {
     pub queue_capacity: usize,
     /// No frame is in the queue and the mapper has finished optimising what it has.
     pub settled: bool,
-    /// Refinement at the size of the camera's pictures, while nothing else is to be done: "waiting", "refining",
-    /// "converged", or "off" if it is never done.
+    /// Refinement at the size of the camera's pictures, while nothing else is to be done: "waiting",
+    /// "refining", "converged", or "off" if it is never done.
     #[serde(default)]
     pub refinement: String,
     /// Why the map takes no more frames, if it failed.

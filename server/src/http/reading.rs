@@ -11,8 +11,8 @@ use utoipa::IntoParams;
 #[derive(Clone, Debug, Default, Deserialize, IntoParams)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct WaitOptions {
-    /// "settled": wait until the map has done its work on all frames that were acknowledged. "converged": wait until
-    /// it has also been refined.
+    /// "settled": wait until the map has done its work on all frames that were acknowledged. "converged":
+    /// wait until it has also been refined.
     pub(super) wait: Option<String>,
     /// Wait until the map has this frame.
     pub(super) min_sequence: Option<u64>,

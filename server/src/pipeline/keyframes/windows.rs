@@ -3,7 +3,6 @@
 //! A step on a window costs as much time and memory as one on the training image, whatever the camera's size.
 //! Pictures and targets of windows are made when they are needed and not kept.
 
-use super::super::depth_gaps;
 use super::super::downsampled_frame::DownsampledFrame;
 use super::super::frame::{Frame, Intrinsics};
 use half::f16;
@@ -12,8 +11,8 @@ use lexsplat_gpu::Camera;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Depth of a whole picture, `[height * width]`, metres; 0 where nothing was measured. Half precision changes a
-/// depth by less than 0.0005 of it.
+/// Depth of a whole picture, `[height * width]`, metres; 0 where nothing was measured. Half precision changes
+/// a depth by less than 0.0005 of it.
 #[derive(Clone)]
 pub(super) struct FullDepth(pub Arc<[f16]>);
 
@@ -81,7 +80,7 @@ pub(super) fn cut(
     let depth: Vec<f32> =
         lines.flat_map(|line| &depth.0[line]).map(|depth| depth.to_f32()).collect();
     let window = DownsampledFrame { camera, rgb: rgb.into(), depth_metres: depth.into() };
-    depth_gaps::closed(&window).into_owned()
+    window.without_gaps()
 }
 
 #[cfg(test)]

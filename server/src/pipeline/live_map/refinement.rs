@@ -1,9 +1,9 @@
 //! How far the refinement of a map at full size has come: what is to be visited next, and whether the map has
 //! converged.
 //!
-//! Refinement goes through the windows of all keyframes, each once in a sweep, in random order. Learning rates
-//! fall from sweep to sweep. It ends when a sweep's mean loss is hardly lower than that of the sweep before, or
-//! after a number of sweeps. A new keyframe begins it anew.
+//! Refinement goes through the windows of all keyframes, each once in a sweep, in random order. Learning
+//! rates fall from sweep to sweep. It ends when a sweep's mean loss is hardly lower than that of the sweep
+//! before, or after a number of sweeps. A new keyframe begins it anew.
 
 use rand::Rng;
 use rand::seq::SliceRandom as _;

@@ -115,8 +115,8 @@ impl MapThread {
     }
 
     /// Waits for the next work. Frames come before optimiser steps; with the clock `per_frame` a frame
-    /// waits until the keyframe before it has its language and all its steps. The map is refined when there is
-    /// nothing else. `None`: no handle to the map is left.
+    /// waits until the keyframe before it has its language and all its steps. The map is refined when there
+    /// is nothing else. `None`: no handle to the map is left.
     fn next(&mut self, messages: &mut mpsc::Receiver<Message>) -> Option<Work> {
         if self.config.clock == Clock::PerFrame {
             while self.language.is_pending() {
@@ -399,29 +399,6 @@ impl MapThread {
     /// Whether nothing is left to do before the next frame.
     fn is_idle(&self) -> bool {
         !self.live.has_steps() && !self.language.is_pending()
-    }
-
-    /// Tells readers of changes when the map is idle and, with the clock `realtime`, every few seconds; and
-    /// makes a copy if one is due. With `per_frame` results would depend on the time: steps in flight are
-    /// waited for, and those that met full lists are then repeated in another order.
-    fn publish_if_due(&mut self) -> Result<(), GpuError> {
-        if self.refiner.publishes(&self.live, self.publisher.age()) {
-            self.publisher.gaussians_changed();
-        }
-        let is_realtime = self.config.clock == Clock::Realtime;
-        let is_old = self.publisher.age().as_secs_f64() >= self.config.snapshot_seconds;
-        if self.is_idle() || is_realtime && (is_old || self.map.copies().is_due()) {
-            let Self { publisher, live, trainer, map, progress, .. } = self;
-            publisher.publish(live, trainer, map, progress.through)?;
-        }
-        Ok(())
-    }
-
-    /// In this order: who sees that no work is left knows how far the map is refined.
-    fn tell_state(&self) {
-        let is_idle = self.is_idle();
-        self.map.set_refinement(self.refiner.state(&self.live, is_idle));
-        self.map.set_working(!is_idle);
     }
 }
 

@@ -1,15 +1,15 @@
 //! When a map is refined, and when readers get what came of it.
 //!
-//! With the clock `realtime` a map is refined whenever nothing else is to be done. With `per_frame` that would
-//! make the map depend on the time between two frames, so it is refined only while a reader waits for it.
+//! With the clock `realtime` a map is refined whenever nothing else is to be done. With `per_frame` that
+//! would make the map depend on the time between two frames, so it is refined only while a reader waits.
 
 use super::super::live_map::LiveMap;
 use super::super::map::Refinement;
 use super::super::mapper::{Clock, MapperConfig};
 use std::time::Duration;
 
-/// While a map is refined readers get a snapshot every so many times `mapper.snapshot_seconds`: a copy costs as
-/// much as before, and changes less.
+/// While a map is refined readers get a snapshot every so many times `mapper.snapshot_seconds`: a copy costs
+/// as much as before, and changes less.
 const SNAPSHOT_INTERVALS: f64 = 10.0;
 
 /// Decides about the refinement of one map.
@@ -63,8 +63,8 @@ impl Refiner {
         self.has_changes = true;
     }
 
-    /// Whether readers are to get the newest steps, `age` after their last snapshot. After that they have them.
-    /// With the clock `per_frame` they get them at the end.
+    /// Whether readers are to get the newest steps, `age` after their last snapshot. After that they have
+    /// them. With the clock `per_frame` they get them at the end.
     pub fn publishes(&mut self, live: &LiveMap, age: Duration) -> bool {
         let is_old = self.clock == Clock::Realtime && age.as_secs_f64() >= self.snapshot_seconds;
         let publishes = self.has_changes && (is_old || is_done(live));

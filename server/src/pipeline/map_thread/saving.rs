@@ -1,4 +1,4 @@
-//! Copying the whole state of a map, and putting it back.
+//! Copying a map for readers, and its whole state; and putting that back.
 
 use super::super::checkpoint::{Checkpoint, Core};
 use super::super::compressor;
@@ -10,6 +10,29 @@ use crate::telemetry::{CHECKPOINT_COPY_SECONDS, timed};
 use lexsplat_gpu::{GpuError, SavedGaussians};
 
 impl MapThread {
+    /// Tells readers of changes when the map is idle and, with the clock `realtime`, every few seconds; and
+    /// makes a copy if one is due. With `per_frame` results would depend on the time: steps in flight are
+    /// waited for, and those that met full lists are then repeated in another order.
+    pub(super) fn publish_if_due(&mut self) -> Result<(), GpuError> {
+        if self.refiner.publishes(&self.live, self.publisher.age()) {
+            self.publisher.gaussians_changed();
+        }
+        let is_realtime = self.config.clock == Clock::Realtime;
+        let is_old = self.publisher.age().as_secs_f64() >= self.config.snapshot_seconds;
+        if self.is_idle() || is_realtime && (is_old || self.map.copies().is_due()) {
+            let Self { publisher, live, trainer, map, progress, .. } = self;
+            publisher.publish(live, trainer, map, progress.through)?;
+        }
+        Ok(())
+    }
+
+    /// In this order: who sees that no work is left knows how far the map is refined.
+    pub(super) fn tell_state(&self) {
+        let is_idle = self.is_idle();
+        self.map.set_refinement(self.refiner.state(&self.live, is_idle));
+        self.map.set_working(!is_idle);
+    }
+
     /// Gives the state of the map to those who wait for it. With the clock `per_frame` they wait until the
     /// last frame has its language and all its steps: waiting for steps in flight at another moment could
     /// change the map.

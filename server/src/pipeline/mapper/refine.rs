@@ -9,8 +9,8 @@ use super::config::MapperConfig;
 use super::{insert, optimise, prune};
 use lexsplat_gpu::{ColorTarget, Gpu, GpuError, Trainer, TrainingView};
 
-/// Refines the map by one window, and waits for the device, so that a frame finds at most this step in its way.
-/// Returns whether the map changed.
+/// Refines the map by one window, and waits for the device, so that a frame finds at most this step in its
+/// way. Returns whether the map changed.
 ///
 /// # Errors
 /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`].

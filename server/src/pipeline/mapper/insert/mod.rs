@@ -67,9 +67,9 @@ pub(in super::super) fn insert(
     append(live, &new)
 }
 
-/// Appends Gaussians for the detail that a window of a keyframe shows and the map does not have. Only keyframes
-/// whose detail was inserted count as visits. The new Gaussians have color alone: language is as coarse as
-/// before, and stays where it is.
+/// Appends Gaussians for the detail that a window of a keyframe shows and the map does not have. Only
+/// keyframes whose detail was inserted count as visits. The new Gaussians have color alone: language is as
+/// coarse as before, and stays where it is.
 ///
 /// # Errors
 /// As [`insert`].
