@@ -19,7 +19,8 @@ const FRAMES: usize = 18;
 
 fn options(language: bool) -> Options {
     let hold_out_every = NonZeroUsize::new(4);
-    Options { poses: Poses::Given, encoder: Encoder::Bundle, hold_out_every, language, lpips: None }
+    let (poses, encoder) = (Poses::Given, Encoder::Bundle);
+    Options { poses, encoder, hold_out_every, language, lpips: None, converged: false }
 }
 
 #[tokio::test(flavor = "multi_thread")]

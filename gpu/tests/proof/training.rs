@@ -369,7 +369,13 @@ fn targets_that_come_and_go_train_as_those_that_stay() {
         let mut map = map(&gpu, &scene);
         for at in order {
             let color = Some(&targets[at]);
-            let view = TrainingView { camera: &camera, color, language: None, exposure: [0.0; 2] };
+            let view = TrainingView {
+                camera: &camera,
+                color,
+                language: None,
+                exposure: [0.0; 2],
+                focus: None,
+            };
             trainer.step(&mut map, &view, &DATA, &LearningRates::default()).expect("steps");
         }
         trainer.settle(&mut map).expect("takes them");

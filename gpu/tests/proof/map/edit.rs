@@ -181,8 +181,13 @@ fn a_map_for_drawing_draws_the_same_in_a_third_of_the_memory() {
     let mut picture = |map| renderer.render_color(map, &camera).expect("renders").rgb;
     assert!(picture(&drawn) == picture(&trainable), "bit for bit");
     let (camera, color, _) = targets(&gpu, &host);
-    let view =
-        TrainingView { camera: &camera, color: Some(&color), language: None, exposure: [0.0; 2] };
+    let view = TrainingView {
+        camera: &camera,
+        color: Some(&color),
+        language: None,
+        exposure: [0.0; 2],
+        focus: None,
+    };
     let mut trainer = Trainer::new(&gpu, CHANNELS).expect("compiles");
     let (weights, rates) = (LossWeights::default(), LearningRates::default());
     assert!(trainer.step(&mut drawn, &view, &weights, &rates).is_err(), "it has no moments");

@@ -234,7 +234,7 @@ async fn a_map_is_refined_when_a_reader_waits_for_it_and_stays_refined() {
     }
     let refined = map.snapshot().await;
     assert!(refined.gaussians != before.gaussians, "negative control");
-    assert!(same(&refined, &copy.map().snapshot().await), "bit for bit");
+    assert!(same(&refined, &*copy.map().snapshot().await), "bit for bit");
     let poses = |snapshot: &MapSnapshot| {
         snapshot.trajectory.iter().map(|frame| frame.world_from_camera).collect::<Vec<_>>()
     };
@@ -244,7 +244,7 @@ async fn a_map_is_refined_when_a_reader_waits_for_it_and_stays_refined() {
     let restarted = resumed(&engine, "refined-restarted", copied(map.save().await.unwrap()));
     assert_eq!(restarted.map().status().refinement, Refinement::Converged);
     converge(restarted.map()).await;
-    assert!(same(&refined, &restarted.map().snapshot().await), "as it was");
+    assert!(same(&refined, &*restarted.map().snapshot().await), "as it was");
     // A new keyframe is another matter.
     send(&sender, BEFORE..BEFORE + AFTER).await;
     assert!(counts(&map)[2] > refined.keyframes.len() as u64, "{:?}", counts(&map));
