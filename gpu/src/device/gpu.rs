@@ -256,7 +256,8 @@ impl Gpu {
         if total == 0 {
             return self.wait();
         }
-        let staging = self.staging(total.min(most))?;
+        let room = total.min(most);
+        let staging = self.staging(room)?;
         let pieces = parts.iter().flat_map(|(buffer, bytes)| {
             let starts = (0..*bytes).step_by(most as usize);
             starts.map(move |start| (*buffer, start, (bytes - start).min(most)))
@@ -266,7 +267,7 @@ impl Gpu {
             let mut encoder = self.device().create_command_encoder(&Default::default());
             let mut filled = 0;
             while let Some((buffer, start, bytes)) =
-                pieces.next_if(|(_, _, bytes)| filled + bytes <= staging.size())
+                pieces.next_if(|(_, _, bytes)| filled + bytes <= room)
             {
                 encoder.copy_buffer_to_buffer(buffer, start, &staging, filled, bytes);
                 filled += bytes;

@@ -285,7 +285,7 @@ impl Arrays {
         for kind in kinds {
             let width = ROW_WORDS * kind.rows;
             arrays.push(Array { buffer: &kind.values, width });
-            arrays.extend(kind.moments().map(|buffer| Array { buffer: &**buffer, width }));
+            arrays.extend(kind.moments().map(|buffer| Array { buffer, width }));
         }
         for buffer in [&color.steps, &language.steps] {
             arrays.push(Array { buffer, width: 1 });

@@ -5,48 +5,11 @@
 //! geometry two rows (rotation w x y z; log scale x y z, opacity logit), a feature `channels / 4`
 //! rows rounded up and filled with zeros.
 
+use crate::shader::layout_macros::{constants, structs};
 use std::fmt::Write as _;
 
 /// One row of parameters, of an image or of a record.
 pub type Row = [f32; 4];
-
-macro_rules! constants {
-    ($($(#[$doc:meta])* $name:ident: $kind:ident = $value:expr;)*) => {
-        $($(#[$doc])* pub const $name: $kind = $value;)*
-
-        fn write_constants(text: &mut String) {
-            $(let _ = writeln!(
-                text,
-                "const {}: {} = {:?};",
-                stringify!($name),
-                stringify!($kind),
-                $name,
-            );)*
-        }
-    };
-}
-
-macro_rules! structs {
-    ($($(#[$doc:meta])* $name:ident {
-        $($(#[$field_doc:meta])* $field:ident: $kind:ty => $wgsl:literal,)*
-    })*) => {
-        $($(#[$doc])*
-        #[repr(C)]
-        #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-        pub struct $name { $($(#[$field_doc])* pub $field: $kind,)* })*
-
-        /// Every struct above, with its layout in WGSL.
-        pub const STRUCTS: &[Struct] = &[$(Struct {
-            name: stringify!($name),
-            size: size_of::<$name>(),
-            fields: &[$(Field {
-                name: stringify!($field),
-                offset: std::mem::offset_of!($name, $field),
-                wgsl: $wgsl,
-            },)*],
-        },)*];
-    };
-}
 
 /// A struct of this file.
 pub struct Struct {

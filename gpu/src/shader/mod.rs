@@ -3,6 +3,7 @@
 mod compose;
 mod kernel;
 pub mod layout;
+mod layout_macros;
 mod recorder;
 mod shared;
 mod tiling;

@@ -22,20 +22,16 @@ use super::input_warning::InputWarning;
 use super::live_map::LiveMap;
 use super::snapshot::MapSnapshot;
 use super::up::MapUp;
-use copies::{Copies, Told};
+use copies::Copies;
 use status::Counters;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
-use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, broadcast, mpsc, oneshot};
-use tokio::time::Instant;
 
 /// Events that a watcher may fall behind before it misses some.
 const EVENT_BACKLOG: usize = 256;
 /// Places in the thread's queue beside those for frames: for language results and commands.
 const CONTROL_SLOTS: usize = 16;
-/// The longest time that a reader waits for a copy of the map as it is.
-const COPY_PATIENCE: Duration = Duration::from_secs(30);
 
 /// State behind the lock. The lock is held briefly and never over an await.
 struct Shared {
@@ -111,46 +107,6 @@ impl Map {
     /// The map's name.
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// The map as it is now.
-    pub async fn snapshot(&self) -> Arc<MapSnapshot> {
-        self.read(&Wait::default()).await.snapshot
-    }
-
-    /// A copy of the map, once it is what `wait` asks for or the time is over. If the newest copy is
-    /// outdated the thread makes another one, between two steps; with the clock `per_frame` when the map is
-    /// idle. A map that has failed is not waited for.
-    pub async fn read(&self, wait: &Wait) -> Reading {
-        let began = Instant::now();
-        if wait.converged {
-            // An error means that the thread has stopped, or that its queue is full for so long.
-            let refine = self.messages.send(Message::Refine);
-            let _ = tokio::time::timeout_at(began + wait.longest, refine).await;
-        }
-        loop {
-            let progressed = self.progressed.notified();
-            tokio::pin!(progressed);
-            progressed.as_mut().enable();
-            // In this order: the last copy of a settled map has all of it.
-            let settled = self.is_settled();
-            let converged = settled && self.shared().refinement.is_done();
-            let Told { snapshot, outdated, is_first } = self.copies.ask();
-            if outdated && is_first {
-                // A thread that has no room for messages looks by itself after each of them.
-                let _ = self.messages.try_send(Message::CopyWanted);
-            }
-            let [settled, converged] = [settled, converged].map(|done| done && !outdated);
-            let reading = Reading { snapshot, settled, converged };
-            let has_ended = self.messages.is_closed() || self.failure().is_some();
-            if has_ended || !outdated && reading.is_enough(wait) {
-                return reading;
-            }
-            let patience = if outdated { wait.longest.max(COPY_PATIENCE) } else { wait.longest };
-            if tokio::time::timeout_at(began + patience, progressed).await.is_err() {
-                return reading;
-            }
-        }
     }
 
     /// Whether no frame waits and no work is left.

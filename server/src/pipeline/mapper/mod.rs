@@ -11,5 +11,7 @@ mod pose_refinement;
 mod prune;
 pub(super) mod refine;
 pub(super) mod select;
+mod step_config;
 
-pub use config::{Clock, MapperConfig, TiesConfig};
+pub use config::{Clock, MapperConfig};
+pub use step_config::TiesConfig;
