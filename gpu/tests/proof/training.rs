@@ -381,10 +381,8 @@ fn targets_that_come_and_go_train_as_those_that_stay() {
         trainer.settle(&mut map).expect("takes them");
         map.to_host().expect("reads")
     };
-    let all = |make: &dyn Fn(&(Vec<u8>, Vec<f32>)) -> ColorTarget| {
-        pictures.iter().map(make).collect::<Vec<_>>()
-    };
-    let (staying, coming) = (all(&stays), all(&comes));
+    let staying: Vec<ColorTarget> = pictures.iter().map(stays).collect();
+    let coming: Vec<ColorTarget> = pictures.iter().map(comes).collect();
     let wanted = trained(&staying, [0, 1, 2, 0, 1]);
     assert!(trained(&coming, [0, 1, 2, 0, 1]) == wanted, "bit for bit");
     assert!(trained(&coming, [0, 1, 2, 0, 1]) == wanted, "with another trainer too");
