@@ -170,7 +170,7 @@ impl Default for MapperConfig {
             steps_per_frame: 1,
             refine_sweeps: 20,
             window: 8,
-            language_every: 4,
+            language_every: 3,
             prune_every: 200,
             prune_opacity: 0.05,
             snapshot_seconds: 2.0,
