@@ -62,7 +62,7 @@ pub struct MapperConfig {
     /// Steps taken after each frame even if others wait (clock `realtime`).
     pub steps_per_frame: usize,
     /// While no frame waits and no step is due, the map is refined at the size at which keyframes were
-    /// received, in at most this many sweeps through all of them [0]; 0: never.
+    /// received, in at most this many sweeps through all of them; 0: never.
     pub refine_sweeps: usize,
     /// Number of newest keyframes that decide whether a frame shows something new.
     pub window: usize,
