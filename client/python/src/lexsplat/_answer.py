@@ -257,8 +257,12 @@ class MapStatus:
 
 def _of_map(wire: v1.QueryResponse) -> dict[str, Any]:
     through = wire.through if wire.HasField("through") else None
-    settled, converged = wire.settled, wire.converged
-    return {"revision": wire.revision, "through": through, "settled": settled, "converged": converged}
+    return {
+        "revision": wire.revision,
+        "through": through,
+        "settled": wire.settled,
+        "converged": wire.converged,
+    }
 
 
 def _floats(values: Any) -> Floats:
