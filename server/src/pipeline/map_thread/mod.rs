@@ -9,7 +9,6 @@ mod publisher;
 mod refiner;
 mod saving;
 pub(super) mod start;
-mod steps;
 
 use super::checkpoint::{Checkpoint, Progress};
 use super::closure::{Closure, MapParts};
@@ -21,13 +20,13 @@ use super::input_warning::InputWarning;
 use super::keyframes::{Keyframe, KeyframeWidths};
 use super::live_map::{LiveMap, StepBudget};
 use super::map::{Map, Message};
-use super::mapper::{Clock, MapperConfig, insert, language, select};
+use super::mapper::{Clock, MapperConfig, insert, language, optimise, refine, select};
 use super::pose_covariance::carried;
 use super::registration;
 use super::tracker::{Scene, Tracker, TrackerConfig, Tracking};
 use crate::telemetry::{
     CLOSED_LOOPS, CLOSURE_SECONDS, COMPRESSION_SECONDS, INPUT_CHECK_SECONDS, INSERTION_SECONDS,
-    TRACKING_SECONDS, timed,
+    MAPPING_SECONDS, REFINEMENT_SECONDS, TRACKING_SECONDS, timed,
 };
 use language_requests::LanguageRequests;
 use lexsplat_gpu::{Gpu, GpuError, Trainer};
@@ -36,8 +35,11 @@ use publisher::Publisher;
 use refiner::Refiner;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, oneshot};
+
+/// Frames come as long as the newest is not older.
+const FRAMES_COME: Duration = Duration::from_secs(1);
 
 /// The live map and everything that works on it.
 struct MapThread {
@@ -351,6 +353,46 @@ impl MapThread {
         if self.live.keyframes.keep_to_budget(limit_bytes, self.config.window) > 0 {
             self.publisher.poses_changed();
         }
+    }
+
+    /// With the clock `realtime`, takes a few steps after each frame even if others wait.
+    fn optimise_behind_frame(&mut self) -> Result<(), GpuError> {
+        if self.config.clock == Clock::Realtime {
+            for _ in 0..self.config.steps_per_frame.min(self.live.steps.color_left()) {
+                self.optimise()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a step. In `realtime`, while frames come, it waits for the last: a frame waits for one at most.
+    fn optimise_between_frames(&mut self) -> Result<(), GpuError> {
+        let frames_come = self.newest_frame.elapsed() < FRAMES_COME;
+        let waits = frames_come && self.config.clock == Clock::Realtime;
+        if waits && std::mem::take(&mut self.has_step_in_flight) {
+            return self.trainer.settle(&mut self.live.gaussians);
+        }
+        self.optimise()
+    }
+
+    fn optimise(&mut self) -> Result<(), GpuError> {
+        self.has_step_in_flight = true;
+        let Self { live, trainer, gpu, config, tracker_config, .. } = self;
+        let changed =
+            timed(MAPPING_SECONDS, || optimise::step(live, trainer, gpu, config, tracker_config))?;
+        live.keyframes.release_targets();
+        if changed {
+            self.publisher.gaussians_changed();
+        }
+        Ok(())
+    }
+
+    fn refine(&mut self) -> Result<(), GpuError> {
+        let Self { live, trainer, gpu, config, refiner, .. } = self;
+        if timed(REFINEMENT_SECONDS, || refine::step(live, trainer, gpu, config))? {
+            refiner.changed();
+        }
+        Ok(())
     }
 }
 

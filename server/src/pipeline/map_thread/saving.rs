@@ -26,6 +26,11 @@ impl MapThread {
         Ok(())
     }
 
+    /// Whether nothing is left to do before the next frame.
+    pub(super) fn is_idle(&self) -> bool {
+        !self.live.has_steps() && !self.language.is_pending()
+    }
+
     /// In this order: who sees that no work is left knows how far the map is refined.
     pub(super) fn tell_state(&self) {
         let is_idle = self.is_idle();
