@@ -12,8 +12,9 @@ use crate::device::tier::Tier;
 
 /// Bytes that are read back at a time. More would take memory twice: on its way, and where it arrives.
 const READ_BYTES: u64 = 8 << 20;
-/// Bytes of the buffers for reading back that are kept, and how many are.
+/// Bytes of the smallest buffers for reading back, which are kept.
 const LEAST_STAGING: u64 = 4096;
+/// How many of them are kept.
 const MOST_STAGING: usize = 4;
 
 /// A device and its queue. Clones share them.
@@ -158,9 +159,11 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::OutOfMemory`].
     pub(crate) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
-        let spare = self.inner.staging.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        if let Some(spare) = spare.filter(|buffer| buffer.size() >= bytes) {
-            return Ok(spare);
+        if bytes <= LEAST_STAGING {
+            let mut spare = self.inner.staging.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(spare) = spare.pop() {
+                return Ok(spare);
+            }
         }
         let descriptor = wgpu::BufferDescriptor {
             label: Some("read back"),

@@ -137,7 +137,7 @@ impl StepKernels {
         let binning = step.renderer.binning();
         pass.backward(recorder, binning, step.map.arrays);
         if step.job.focus.is_some() {
-            self.focus.measure(recorder, target, &scratch.terms, left_out);
+            self.focus.measure(recorder, target, &scratch.terms, pass.hit_count(), left_out);
         }
         for (row, slot) in [(1, POSE_ROW), (2, POSE_ROW + 1)] {
             let moves = Summands {

@@ -1,7 +1,8 @@
 // Front to back over a tile's list: w = alpha T, image += w feature, T *= 1 - alpha (Kerbl et al.
 // 2023, appendix C).
 // A Gaussian is skipped where alpha < MIN_ALPHA; a pixel is full before T would fall below
-// MIN_TRANSMITTANCE. The pixels of a tile that is left out have no hits, and keep their image. With DEPTH the fourth channel is z. One dispatch blends CHUNK of ROWS rows.
+// MIN_TRANSMITTANCE. The pixels of a tile that is left out have no hits, and keep their image. With DEPTH
+// the fourth channel is z. One dispatch blends CHUNK of ROWS rows.
 
 @group(0) @binding(0) var<uniform> pass_: PassArguments;
 @group(0) @binding(1) var<storage, read> ranges: array<vec2<u32>>;

@@ -13,12 +13,12 @@ const DAMPING_FACTOR: f64 = 10.0;
 const RETRY_DAMPING: f64 = 0.1;
 /// A step that changes the exposure by more is looked at, however little it moves.
 const SMALLEST_EXPOSURE: f64 = 5e-3;
-/// A small step is also one that promises to lower the cost by no more than this part of it, four times as much
-/// with each coarser level,
+/// With noisy measurements a step is also small if it promises to lower the cost by no more than this part of
+/// it, four times as much with each coarser level,
 const LITTLE: f64 = 3e-3;
-/// if it is not longer than this many times the smallest step,
+/// and if it is not longer than this many times the smallest step.
 const FARTHEST_UNSEEN: f64 = 10.0;
-/// and if the measurements are noisy: if this much cost is left per residual. Exact pictures leave 0.01, a Kinect
+/// Measurements are noisy if more cost than this is left per residual. Exact pictures leave 0.01, a Kinect
 /// 0.03 to 0.17.
 const NOISY: f64 = 0.02;
 /// Steps are at most doubled because the cost curves less than the system says.

@@ -1,6 +1,7 @@
 // A pixel of a level, packed: memory is what alignment waits for.
 // Color: intensity as it is, slopes dI/du and dI/dv in 16 bits each, which is 1.5e-5 or better.
-// Surface: depth as it is, the normal on an octahedron in 16 bits an axis, 5e-5 or better; NO_NORMAL for none.
+// Surface: depth as it is, the normal on an octahedron in 16 bits an axis, 5e-5 or better; NO_NORMAL for
+// none.
 
 fn pack_color(intensity: f32, slopes: vec2<f32>) -> vec2<u32> {
     return vec2<u32>(bitcast<u32>(intensity), pack2x16snorm(slopes));

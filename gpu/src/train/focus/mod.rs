@@ -5,7 +5,7 @@
 //! left out of the lists, of blending and of the backward pass: their Gaussians do not move.
 
 use crate::device::{Buffer, Gpu, GpuError};
-use crate::shader::layout::{FocusArguments, Row};
+use crate::shader::layout::{FocusArguments, HitCount, Row};
 use crate::shader::{Access, GRID, Kernel, Recorder, Shader, Tiling};
 use crate::train::target::ColorTarget;
 
@@ -41,7 +41,7 @@ pub fn shaders(tiling: Tiling) -> [Shader; 3] {
     [
         shader("focus_total", include_str!("total.wgsl"), vec![Read, Write]),
         shader("focus_choose", include_str!("choose.wgsl"), vec![Read, Read, Write]),
-        shader("focus_measure", include_str!("measure.wgsl"), vec![Read, Write, Write]),
+        shader("focus_measure", include_str!("measure.wgsl"), vec![Read, Read, Write, Write]),
     ]
 }
 
@@ -68,35 +68,28 @@ impl FocusKernels {
         focus: Focus,
         left_out: &Buffer<u32>,
     ) {
-        let arguments = self.arguments(target, focus);
         let errors = target.errors();
+        let Focus { mean_share, least_share, turn } = focus;
+        let arguments =
+            FocusArguments { tiles: errors.len() as u32, mean_share, least_share, turn };
         recorder.dispatch(&self.total, &arguments, &[errors, &self.sum], 1);
         let buffers: [&wgpu::Buffer; 3] = [errors, &self.sum, left_out];
         recorder.dispatch_threads(&self.choose, &arguments, &buffers, errors.len());
     }
 
-    /// Keeps the error of each tile that was drawn, from the terms of its rows of pixels. Afterwards no tile is
-    /// left out any more.
+    /// Keeps the error of each tile that was drawn, from the terms of its rows of pixels, unless a list
+    /// overflowed. Afterwards no tile is left out any more.
     pub fn measure(
         &self,
         recorder: &mut Recorder<'_>,
         target: &ColorTarget,
         terms: &Buffer<Row>,
+        count: &Buffer<HitCount>,
         left_out: &Buffer<u32>,
     ) {
-        let arguments =
-            self.arguments(target, Focus { mean_share: 1.0, least_share: 1.0, turn: 0 });
         let errors = target.errors();
-        let buffers: [&wgpu::Buffer; 3] = [terms, left_out, errors];
+        let arguments = FocusArguments { tiles: errors.len() as u32, ..FocusArguments::default() };
+        let buffers: [&wgpu::Buffer; 4] = [terms, count, left_out, errors];
         recorder.dispatch_threads(&self.measure, &arguments, &buffers, errors.len());
-    }
-
-    fn arguments(&self, target: &ColorTarget, focus: Focus) -> FocusArguments {
-        FocusArguments {
-            tiles: target.errors().len() as u32,
-            mean_share: focus.mean_share,
-            least_share: focus.least_share,
-            turn: focus.turn,
-        }
     }
 }

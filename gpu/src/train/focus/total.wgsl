@@ -1,4 +1,4 @@
-// The sum of the errors of all tiles, by one workgroup.
+// The sum of the errors of all tiles that were measured, by one workgroup. It is more than 0.
 
 @group(0) @binding(0) var<uniform> arguments: FocusArguments;
 @group(0) @binding(1) var<storage, read> errors: array<f32>;
@@ -10,12 +10,12 @@ var<workgroup> sums: array<f32, GROUP>;
 fn main(@builtin(local_invocation_index) lane: u32) {
     var sum = 0.0;
     for (var tile = lane; tile < arguments.tiles; tile += GROUP) {
-        sum += errors[tile];
+        if errors[tile] < HUGE { sum += errors[tile]; }
     }
     sums[lane] = sum;
     workgroupBarrier();
     if lane > 0u { return; }
     sum = 0.0;
     for (var other = 0u; other < GROUP; other++) { sum += sums[other]; }
-    total[0] = sum;
+    total[0] = max(sum, EPSILON);
 }

@@ -10,6 +10,7 @@ use super::super::super::downsampled_frame::DownsampledFrame;
 use super::edge::{Edge, edge};
 use super::quadtree::Cell;
 use lexsplat_gpu::{HostGaussians, HostHead};
+use lexsplat_pictures::Grey;
 use nalgebra::{
     Matrix2, Matrix3, Point3, Rotation3, SymmetricEigen, UnitQuaternion, Vector2, Vector3,
 };
@@ -39,9 +40,10 @@ pub(super) fn new_gaussians(
 ) -> HostGaussians {
     let head = |channels| HostHead { channels, ..HostHead::default() };
     let mut new = HostGaussians { means: Vec::new(), color: head(3), language: head(code_size) };
+    let grey = Grey::new(&image.picture());
     for cell in cells {
         let Some(pixel) = middle(image, *cell) else { continue };
-        let Disk { mean, rotation, log_scales } = disk(image, pixel, *cell);
+        let Disk { mean, rotation, log_scales } = disk(image, pixel, *cell, edge(&grey, *cell));
         new.means.push(mean.into());
         let smaller = (LANGUAGE_SCALE / SCALE).ln();
         for (head, shift) in [(&mut new.color, 0.0), (&mut new.language, smaller)] {
@@ -97,7 +99,7 @@ struct Disk {
 
 /// A disk on the surface at a pixel. It looks like a circle of `SCALE` times the cell's side, stretched along
 /// the edge in the cell.
-fn disk(image: &DownsampledFrame, pixel: usize, cell: Cell) -> Disk {
+fn disk(image: &DownsampledFrame, pixel: usize, cell: Cell, edge: Edge) -> Disk {
     let camera = &image.camera;
     let width = camera.width as usize;
     let depth = image.depth_metres[pixel];
@@ -111,7 +113,7 @@ fn disk(image: &DownsampledFrame, pixel: usize, cell: Cell) -> Disk {
     let slope = sight - normal * normal.dot(&sight);
     let slope = slope.try_normalize(1e-4).unwrap_or_else(|| across(&normal));
     let level = normal.cross(&slope);
-    let Edge { direction, clarity } = edge(image, cell);
+    let Edge { direction, clarity } = edge;
     let world_from_camera = camera.camera_from_world.rotation.inverse();
     let direction = world_from_camera * Vector3::new(direction.x, direction.y, 0.0);
     let shown_slope = (slope - sight * sight.dot(&slope)).try_normalize(1e-4).unwrap_or(slope);
@@ -131,8 +133,8 @@ fn disk(image: &DownsampledFrame, pixel: usize, cell: Cell) -> Disk {
 }
 
 /// The ellipse on a surface that looks like a unit circle, stretched by a factor along a unit vector and
-/// squeezed by it across. The x axis of the surface looks shorter, by the factor `slant`. Returns the direction
-/// of the longest axis, its length and the length of the other one.
+/// squeezed by it across. The x axis of the surface looks shorter, by the factor `slant`. Returns the
+/// direction of the longest axis, its length and the length of the other one.
 fn ellipse(along: Vector2<f32>, stretch: f32, slant: f32) -> (Vector2<f32>, f32, f32) {
     let turn = Matrix2::new(along.x, -along.y, along.y, along.x);
     let shown = turn * Matrix2::new(stretch, 0.0, 0.0, 1.0 / stretch);

@@ -1,15 +1,13 @@
 //! The edge through a cell of an image, from the gradients of its brightness (the structure tensor).
 
-use super::super::super::downsampled_frame::DownsampledFrame;
 use super::quadtree::Cell;
+use lexsplat_pictures::Grey;
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 
-/// Gradients of this size are noise: brightness (0 to 1) per pixel.
-const NOISE: f32 = 0.01;
+/// Gradients of this size are noise: brightness (0 to 255) per pixel.
+const NOISE: f32 = 2.55;
 /// Pixels around the cell that count, too.
 const MARGIN: usize = 1;
-/// Weights of red, green and blue in the brightness (Rec. 601).
-const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
 /// What an edge looks like in a cell.
 pub(super) struct Edge {
@@ -19,13 +17,10 @@ pub(super) struct Edge {
     pub clarity: f32,
 }
 
-/// The edge through a cell.
-pub(super) fn edge(image: &DownsampledFrame, cell: Cell) -> Edge {
-    let (width, height) = (image.camera.width as usize, image.camera.height as usize);
-    let brightness = |x: usize, y: usize| {
-        let color = image.color(y * width + x);
-        color.iter().zip(LUMA).map(|(value, weight)| value * weight).sum::<f32>()
-    };
+/// The edge through a cell of an image of this brightness.
+pub(super) fn edge(grey: &Grey, cell: Cell) -> Edge {
+    let Grey { width, height, .. } = *grey;
+    let brightness = |x: usize, y: usize| grey.values[y * width + x];
     let around = |first: usize, size: usize| {
         first.saturating_sub(MARGIN)..(first + cell.side + MARGIN).min(size)
     };
@@ -61,7 +56,7 @@ mod tests {
     fn found(brightness: impl Fn(usize, usize) -> u8) -> Edge {
         let mut image = wall(8);
         image.rgb = (0..8 * 8 * 3).map(|at| brightness(at / 3 % 8, at / 24)).collect();
-        edge(&image, CELL)
+        edge(&Grey::new(&image.picture()), CELL)
     }
 
     #[test]
