@@ -11,6 +11,7 @@ import io
 import json
 import sys
 import urllib.request
+from urllib.parse import urljoin
 
 import numpy as np
 
@@ -31,8 +32,9 @@ class Map:
         request = urllib.request.Request(f"http://{self.address}{path}", data, headers)
         return OPENER.open(request).read()
 
-    def array(self, path):
-        """An answer in NumPy's format."""
+    def array(self, link):
+        """A part of an answer as an array; `link` is relative to the question's address."""
+        path = urljoin(f"/v1/maps/{self.name}/query", link)
         return np.load(io.BytesIO(self.get(path, accept="application/x-npy")))
 
     def query(self, **body):

@@ -226,11 +226,12 @@ struct Caller {
 }
 
 /// Each call, and the scope that it needs.
-const CALLS: [(&str, Scope); 7] = [
+const CALLS: [(&str, Scope); 8] = [
     ("CreateMap", Scope::Write),
     ("GetMap", Scope::Read),
     ("ListMaps", Scope::Read),
     ("Query", Scope::Read),
+    ("QueryChunks", Scope::Read),
     ("ExportMap", Scope::Read),
     ("StreamFrames", Scope::Write),
     ("DeleteMap", Scope::Admin),
@@ -267,6 +268,12 @@ impl Caller {
                     v1::QueryRequest { map: name, text: "cup".into(), ..Default::default() };
                 let request = self.with_token(query);
                 self.client.query(request).await.map(drop)
+            }
+            "QueryChunks" => {
+                let query =
+                    v1::QueryRequest { map: name, text: "cup".into(), ..Default::default() };
+                let request = self.with_token(query);
+                self.client.query_chunks(request).await.map(drop)
             }
             "ExportMap" => {
                 let export =

@@ -63,7 +63,7 @@ async fn python_streams_and_a_heat_map_comes_back_as_npy() {
         .expect("with JSON");
     let url = answer["heatmap"]["url"].as_str().unwrap_or_else(|| panic!("no heat map: {answer}"));
     let npy = http
-        .get(format!("http://{}{url}", server.http))
+        .get(format!("http://{}/v1/maps/outside/{url}", server.http))
         .header("Accept", "application/x-npy")
         .send()
         .await

@@ -1,12 +1,13 @@
 //! Requests to one server: questions, images, files and numbers of its maps. It writes no file.
 
 use super::connect::{base, client};
-use super::error::HttpError;
+use super::error::{HttpError, detail, is_loading};
+use super::links::{Linked, resolve};
 use super::map_file::{MapFile, ReadOf};
 use crate::access::{Access, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
-    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Problem, Question,
+    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Question,
     Restored, Segmentation, Status,
 };
 use reqwest::{RequestBuilder, Response, Url, header};
@@ -29,8 +30,8 @@ const LOADING: Duration = Duration::from_secs(600);
 const RETRY: Duration = Duration::from_secs(1);
 
 impl HttpClient {
-    /// The server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`; connects when first
-    /// asked.
+    /// The server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`, with a path where a proxy shows it below
+    /// one; connects when first asked.
     ///
     /// # Errors
     /// [`HttpError::Address`].
@@ -142,7 +143,7 @@ impl HttpClient {
     /// # Errors
     /// See [`Self::status`].
     pub async fn query(&self, map: &str, question: &Question) -> Result<Answer, HttpError> {
-        self.json(self.read(self.client.post(self.url(map, &["query"]))).json(question)).await
+        self.ask(map, question).await
     }
 
     /// Labels pixels or Gaussians with several texts.
@@ -150,7 +151,7 @@ impl HttpClient {
     /// # Errors
     /// See [`Self::status`].
     pub async fn segment(&self, map: &str, question: &Question) -> Result<Segmentation, HttpError> {
-        self.json(self.read(self.client.post(self.url(map, &["query"]))).json(question)).await
+        self.ask(map, question).await
     }
 
     /// The labels of a view's pixels in the media type `accept`, such as a PNG with a palette.
@@ -296,9 +297,21 @@ impl HttpClient {
         url
     }
 
-    async fn linked(&self, path: &str, accept: &str) -> Result<Vec<u8>, HttpError> {
-        let url = self.base.join(path).map_err(|error| self.broken(error.to_string()))?;
-        self.bytes(self.client.get(url).header(header::ACCEPT, accept)).await
+    /// Asks a question; the links of the answer are whole addresses.
+    async fn ask<T: DeserializeOwned + Linked>(
+        &self,
+        map: &str,
+        question: &Question,
+    ) -> Result<T, HttpError> {
+        let url = self.url(map, &["query"]);
+        let post = self.read(self.client.post(url.clone())).json(question);
+        let mut answer: T = self.json(post).await?;
+        resolve(&url, &mut answer).map_err(|reason| self.broken(reason))?;
+        Ok(answer)
+    }
+
+    async fn linked(&self, link: &str, accept: &str) -> Result<Vec<u8>, HttpError> {
+        self.bytes(self.client.get(link).header(header::ACCEPT, accept)).await
     }
 
     async fn json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, HttpError> {
@@ -348,19 +361,6 @@ impl HttpClient {
     }
 }
 
-/// Whether a refusal says that the map is being loaded.
-fn is_loading(body: &[u8]) -> bool {
-    serde_json::from_slice::<Problem>(body).is_ok_and(|problem| problem.progress.is_some())
-}
-
-/// The message of a refusal, on one line.
-fn detail(body: &[u8], status: &str) -> String {
-    match serde_json::from_slice::<Problem>(body) {
-        Ok(problem) => problem.detail.replace('\n', " "),
-        Err(_) => format!("the server answered with status {status} and no reason"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -373,19 +373,16 @@ mod tests {
             let url = client.url("a/b c", &["frames"]);
             assert_eq!(url.as_str(), "http://127.0.0.1:8080/v1/maps/a%2Fb%20c/frames");
         }
+        for prefixed in ["http://host/robots/kitchen", "http://host/robots/kitchen/"] {
+            let url = HttpClient::new(prefixed).unwrap().url("a", &["frames"]);
+            assert_eq!(url.as_str(), "http://host/robots/kitchen/v1/maps/a/frames");
+        }
         let client = HttpClient::new("https://127.0.0.1:8080").unwrap();
         assert_eq!(client.url("a", &[]).as_str(), "https://127.0.0.1:8080/v1/maps/a");
         for wrong in ["127.0.0.1:http", "ftp://127.0.0.1:8080", "https://"] {
             let error = HttpClient::new(wrong).unwrap_err();
             assert!(error.to_string().contains(wrong), "{error}");
         }
-    }
-
-    #[test]
-    fn refusals_are_one_line() {
-        let body = br#"{"title":"Bad Request","status":400,"detail":"no map\n\"x\""}"#;
-        assert_eq!(detail(body, "400"), "no map \"x\"");
-        assert!(detail(b"<html>", "502").contains("502"));
     }
 
     #[tokio::test]

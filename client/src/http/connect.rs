@@ -5,15 +5,20 @@ use crate::access::{Access, AccessError, Identity, innermost};
 use reqwest::header::{HeaderMap, HeaderValue};
 use reqwest::{Url, header};
 
-/// The address of the server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`.
+/// The address of the server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`; a path behind it is where a
+/// proxy shows the server.
 pub(super) fn base(address: &str) -> Result<Url, HttpError> {
     let wrong = || HttpError::Address { found: address.into() };
     let url = if address.contains("://") { address.into() } else { format!("http://{address}") };
-    let base = Url::parse(&url).map_err(|_| wrong())?;
-    match ["http", "https"].contains(&base.scheme()) && base.has_host() {
-        true => Ok(base),
-        false => Err(wrong()),
+    let mut base = Url::parse(&url).map_err(|_| wrong())?;
+    if !["http", "https"].contains(&base.scheme()) || !base.has_host() {
+        return Err(wrong());
     }
+    base.set_query(None);
+    base.set_fragment(None);
+    // Paths are put behind it, with or without a slash at its end.
+    base.path_segments_mut().expect("an http address has a path").pop_if_empty();
+    Ok(base)
 }
 
 /// A client that sends the token with each request. It follows no redirection, so that the token goes

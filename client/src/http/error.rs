@@ -1,6 +1,7 @@
 //! Errors of the HTTP interface; each message is one line.
 
 use crate::access::AccessError;
+use lexsplat_proto::json::Problem;
 
 /// A request that got no usable answer.
 #[derive(Debug, thiserror::Error)]
@@ -60,4 +61,29 @@ pub enum HttpError {
         /// What is wrong.
         reason: String,
     },
+}
+
+/// Whether a refusal says that the map is being loaded.
+pub(super) fn is_loading(body: &[u8]) -> bool {
+    serde_json::from_slice::<Problem>(body).is_ok_and(|problem| problem.progress.is_some())
+}
+
+/// The message of a refusal, on one line.
+pub(super) fn detail(body: &[u8], status: &str) -> String {
+    match serde_json::from_slice::<Problem>(body) {
+        Ok(problem) => problem.detail.replace('\n', " "),
+        Err(_) => format!("the server answered with status {status} and no reason"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_are_one_line() {
+        let body = br#"{"title":"Bad Request","status":400,"detail":"no map\n\"x\""}"#;
+        assert_eq!(detail(body, "400"), "no map \"x\"");
+        assert!(detail(b"<html>", "502").contains("502"));
+    }
 }

@@ -3,6 +3,7 @@
 mod client;
 mod connect;
 mod error;
+mod links;
 mod map_file;
 mod project;
 mod settle;

@@ -116,6 +116,7 @@ fn inverted() -> v1::InputWarning {
 #[tonic::async_trait]
 impl Mapping for StandIn {
     type StreamFramesStream = ReceiverStream<Result<FrameAck, Status>>;
+    type QueryChunksStream = ReceiverStream<Result<v1::Chunk, Status>>;
     type ExportMapStream = ReceiverStream<Result<v1::Chunk, Status>>;
 
     async fn stream_frames(
@@ -142,6 +143,13 @@ impl Mapping for StandIn {
         _: Request<v1::QueryRequest>,
     ) -> Result<Response<v1::QueryResponse>, Status> {
         Err(Status::unimplemented("query"))
+    }
+
+    async fn query_chunks(
+        &self,
+        _: Request<v1::QueryRequest>,
+    ) -> Result<Response<Self::QueryChunksStream>, Status> {
+        Err(Status::unimplemented("query_chunks"))
     }
 
     async fn create_map(

@@ -61,7 +61,7 @@ pub struct HeatmapLink {
     pub min: f32,
     /// The largest relevancy in it.
     pub max: f32,
-    /// Path on the server.
+    /// Its address, relative to that of the question: `queries/ID/PART`.
     pub url: String,
 }
 
@@ -71,7 +71,7 @@ pub struct HeatmapLink {
 pub struct PointsLink {
     /// Number of points.
     pub count: usize,
-    /// Path on the server.
+    /// Its address, relative to that of the question: `queries/ID/PART`.
     pub url: String,
 }
 

@@ -57,6 +57,6 @@ pub struct LegendEntry {
 pub struct LabelsLink {
     pub width: u32,
     pub height: u32,
-    /// Path on the server.
+    /// Its address, relative to that of the question: `queries/ID/PART`.
     pub url: String,
 }

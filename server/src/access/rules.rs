@@ -52,6 +52,7 @@ pub(crate) const HTTP: &[(&str, &str, Need)] = &[
 pub(crate) const GRPC: &[(&str, Need)] = &[
     ("/lexsplat.v1.Mapping/StreamFrames", Need::Scope(Scope::Write)),
     ("/lexsplat.v1.Mapping/Query", Need::Scope(Scope::Read)),
+    ("/lexsplat.v1.Mapping/QueryChunks", Need::Scope(Scope::Read)),
     ("/lexsplat.v1.Mapping/CreateMap", Need::Scope(Scope::Write)),
     ("/lexsplat.v1.Mapping/GetMap", Need::Scope(Scope::Read)),
     ("/lexsplat.v1.Mapping/ListMaps", Need::Scope(Scope::Read)),

@@ -121,7 +121,8 @@ pub(super) async fn put(
     }
     let restored = restored?;
     let body = json::Restored { frames: restored.frames, warnings: restored.warnings };
-    Ok((StatusCode::CREATED, [(header::LOCATION, format!("/v1/maps/{name}"))], Json(body)))
+    // Relative to the address of this request.
+    Ok((StatusCode::CREATED, [(header::LOCATION, format!("../{name}"))], Json(body)))
 }
 
 impl From<BackupError> for Problem {

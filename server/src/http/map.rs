@@ -28,7 +28,8 @@ pub(super) async fn create(
 ) -> Result<impl IntoResponse, Problem> {
     caller.may_use(&name).map_err(|error| Problem::from(error).at("name"))?;
     let map = state.maps.create(&name).await?;
-    let location = format!("/v1/maps/{}", map.name());
+    // Relative to the address of this request.
+    let location = format!("maps/{}", map.name());
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(status(map.status()))))
 }
 

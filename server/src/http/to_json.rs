@@ -98,6 +98,12 @@ pub(super) fn rows(transform: &Isometry3<f64>) -> [f64; 16] {
     std::array::from_fn(|at| matrix[(at / 4, at % 4)])
 }
 
+/// Address of a part of an answer, relative to that of the question, `…/v1/maps/{name}/query`: a proxy may show the
+/// server below a path that the server does not know.
+fn link(query_id: &str, part: &str) -> String {
+    format!("queries/{query_id}/{part}")
+}
+
 /// An answer as JSON; the heat map and the points become links with `query_id`.
 pub(super) fn answer(
     query_id: String,
@@ -106,7 +112,7 @@ pub(super) fn answer(
     answer: &Answer,
 ) -> json::Answer {
     let map = &reading.snapshot.map;
-    let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
+    let url = |what: &str| link(&query_id, what);
     json::Answer {
         text,
         map: map.clone(),
@@ -166,7 +172,7 @@ pub(super) fn segmentation(
     found: &Segmentation,
 ) -> json::Segmentation {
     let map = &reading.snapshot.map;
-    let url = |what: &str| format!("/v1/maps/{map}/queries/{query_id}/{what}");
+    let url = |what: &str| link(&query_id, what);
     let entry = |(at, (text, &share)): (usize, (&String, &f32))| {
         let [red, green, blue] = export::label_color(at + 1);
         let color = format!("#{red:02x}{green:02x}{blue:02x}");

@@ -13,7 +13,8 @@ const MAX_MESSAGE_BYTES: usize = 1 << 29;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IngestConfig {
-    /// The longest gRPC message, bytes.
+    /// The longest gRPC message, bytes; a longer one ends its stream. The largest frame of `max_pixels` has 9 bytes a
+    /// pixel: raw color, depth as float32, and labels.
     pub max_message_bytes: usize,
     /// Bytes that messages may have together before they are complete; above it the call with the most ends.
     pub max_unfinished_bytes: usize,
@@ -38,7 +39,7 @@ pub struct IngestConfig {
 impl Default for IngestConfig {
     fn default() -> Self {
         Self {
-            max_message_bytes: 64 << 20,
+            max_message_bytes: 160 << 20,
             max_unfinished_bytes: 512 << 20,
             message_seconds: 120,
             max_pixels: 16 << 20,
@@ -97,6 +98,22 @@ impl IngestConfig {
 mod tests {
     use super::*;
     use crate::pipeline::range::table::assert_checks;
+    use lexsplat_proto::v1;
+    use prost::Message as _;
+
+    #[test]
+    fn the_largest_raw_frame_fits_into_a_message() {
+        let IngestConfig { max_message_bytes, max_pixels, .. } = IngestConfig::default();
+        let bytes = |pixels: u64, each: u64| (pixels * each) as usize;
+        // Color, depth as float32, and labels of 16 bits.
+        let raw = v1::Frame {
+            color: vec![0; bytes(max_pixels, 3)].into(),
+            depth: vec![0; bytes(max_pixels, 4)].into(),
+            labels: vec![0; bytes(max_pixels, 2)].into(),
+            ..v1::Frame::default()
+        };
+        assert!(raw.encoded_len() + 1024 < max_message_bytes, "{} bytes", raw.encoded_len());
+    }
 
     #[test]
     fn each_number_is_checked() {

@@ -1,5 +1,6 @@
 //! Creating, describing, deleting and exporting maps over gRPC.
 
+use super::chunks::{Chunks, chunks};
 use super::context::Context;
 use super::status;
 use crate::check;
@@ -10,15 +11,8 @@ use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::Client;
 use crate::pipeline::up::MapUp;
 use lexsplat_proto::v1;
-use tokio::sync::mpsc;
-use tokio_stream::wrappers::ReceiverStream;
 use tonic::metadata::MetadataValue;
 use tonic::{Response, Status};
-
-/// Bytes in a chunk of an exported file.
-const CHUNK_BYTES: usize = 256 << 10;
-/// Chunks that may wait for the reader.
-const CHUNK_BACKLOG: usize = 4;
 
 pub(super) async fn create(context: &Context, name: &str) -> Result<v1::MapStatus, Status> {
     let map = context.maps.create(name).await.map_err(|error| status::of_maps(&error, "name"))?;
@@ -91,13 +85,12 @@ pub(super) fn wire_warnings(warnings: Vec<InputWarning>) -> Vec<v1::InputWarning
     warnings.into_iter().map(wire).collect()
 }
 
-/// The exported file in chunks. The queue of chunks is bounded; sending stops when the client
-/// leaves.
+/// The exported file in chunks.
 pub(super) async fn export(
     context: &Context,
     client: &Client,
     request: v1::ExportRequest,
-) -> Result<Response<ReceiverStream<Result<v1::Chunk, Status>>>, Status> {
+) -> Result<Response<Chunks>, Status> {
     let map = context.maps.loaded(&request.map).await;
     let map = map.map_err(|error| status::of_maps(&error, "map"))?;
     let format = request.format.parse::<Format>().map_err(|error| status::of_export(&error))?;
@@ -111,17 +104,7 @@ pub(super) async fn export(
         export::file(context.maps.engine(), client, reading.snapshot.clone(), format, options)
             .await
             .map_err(|error| status::of_export(&error))?;
-    let mut file = prost::bytes::Bytes::from(file);
-    let (chunks, stream) = mpsc::channel(CHUNK_BACKLOG);
-    tokio::spawn(async move {
-        while !file.is_empty() {
-            let data = file.split_to(CHUNK_BYTES.min(file.len()));
-            if chunks.send(Ok(v1::Chunk { data })).await.is_err() {
-                return;
-            }
-        }
-    });
-    let mut response = Response::new(ReceiverStream::new(stream));
+    let mut response = Response::new(chunks(file));
     let metadata = response.metadata_mut();
     let Reading { snapshot, settled, converged } = reading;
     metadata.insert("lexsplat-revision", snapshot.revision.into());

@@ -3,6 +3,7 @@
 //! Messages are validated by `check`; this module translates between the wire and the pipeline. It
 //! reads maps through snapshots and statuses only.
 
+mod chunks;
 mod config;
 mod context;
 mod guard;

@@ -1,5 +1,6 @@
 //! The `lexsplat.v1.Mapping` service, with health and reflection.
 
+use super::chunks::{Chunks, chunks, fitting};
 use super::config::IngestConfig;
 use super::context::Context;
 use super::guard::{caller, guard, permit};
@@ -12,6 +13,7 @@ use axum::Router;
 use axum::middleware::from_fn_with_state;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
+use prost::Message as _;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_stream::wrappers::ReceiverStream;
@@ -90,7 +92,8 @@ fn client<T>(request: &Request<T>) -> Client {
 #[tonic::async_trait]
 impl Mapping for MappingService {
     type StreamFramesStream = ReceiverStream<Result<v1::FrameAck, Status>>;
-    type ExportMapStream = ReceiverStream<Result<v1::Chunk, Status>>;
+    type QueryChunksStream = Chunks;
+    type ExportMapStream = Chunks;
 
     async fn stream_frames(
         &self,
@@ -105,7 +108,17 @@ impl Mapping for MappingService {
         request: Request<v1::QueryRequest>,
     ) -> Result<Response<v1::QueryResponse>, Status> {
         permit(&caller(&request)?, &request.get_ref().map, "map")?;
-        query::answer(&self.0, &client(&request), request.into_inner()).await.map(Response::new)
+        let answer = query::answer(&self.0, &client(&request), request.into_inner()).await?;
+        Ok(Response::new(fitting(answer)))
+    }
+
+    async fn query_chunks(
+        &self,
+        request: Request<v1::QueryRequest>,
+    ) -> Result<Response<Self::QueryChunksStream>, Status> {
+        permit(&caller(&request)?, &request.get_ref().map, "map")?;
+        let answer = query::answer(&self.0, &client(&request), request.into_inner()).await?;
+        Ok(Response::new(chunks(answer.encode_to_vec())))
     }
 
     async fn create_map(

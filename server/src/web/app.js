@@ -1,17 +1,17 @@
 // The dashboard: lists the maps, shows one of them live and asks it questions.
-import { refreshFrames, step } from '/dashboard/keyframes.js';
-import { attempt, show } from '/dashboard/page.js';
-import { ask } from '/dashboard/questions.js';
-import { api, json } from '/dashboard/server.js';
-import { $, state } from '/dashboard/state.js';
-import { drawStatus, refreshStatus } from '/dashboard/status.js';
-import { listenForLogin } from '/dashboard/session.js';
-import { clearAnswer, drawHeat, drawMarks, drawPicture, drawPlanNow } from '/dashboard/view.js';
+import { refreshFrames, step } from './keyframes.js';
+import { attempt, show } from './page.js';
+import { ask } from './questions.js';
+import { api, json } from './server.js';
+import { $, state } from './state.js';
+import { drawStatus, refreshStatus } from './status.js';
+import { listenForLogin } from './session.js';
+import { clearAnswer, drawHeat, drawMarks, drawPicture, drawPlanNow } from './view.js';
 
 const LIST_MILLIS = 4000;
 
 async function listMaps() {
-  const { maps } = await json('/v1/maps');
+  const { maps } = await json('v1/maps');
   const names = maps.map((map) => map.name);
   const select = $('maps');
   if (names.join() !== [...select.options].map((option) => option.value).join()) {

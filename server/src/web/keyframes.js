@@ -1,8 +1,8 @@
 // The strip of keyframes, and choosing one of them.
-import { throttled } from '/dashboard/page.js';
-import { api, json } from '/dashboard/server.js';
-import { $, state } from '/dashboard/state.js';
-import { clearAnswer, drawPicture, drawPlanNow } from '/dashboard/view.js';
+import { throttled } from './page.js';
+import { api, json } from './server.js';
+import { $, state } from './state.js';
+import { clearAnswer, drawPicture, drawPlanNow } from './view.js';
 
 const THUMBNAIL_WIDTH = 128;
 const STRIP_LENGTH = 40;

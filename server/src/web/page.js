@@ -1,5 +1,5 @@
 // Helpers for the page: errors, throttling, elements.
-import { $ } from '/dashboard/state.js';
+import { $ } from './state.js';
 
 export function show(error) {
   $('error').textContent = error ? error.message : '';

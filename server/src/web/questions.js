@@ -1,8 +1,8 @@
 // Questions and their answers.
-import { attempt, element, show } from '/dashboard/page.js';
-import { api, array, call, json } from '/dashboard/server.js';
-import { $, state } from '/dashboard/state.js';
-import { drawHeat, drawMarks, drawPlanNow } from '/dashboard/view.js';
+import { attempt, element, show } from './page.js';
+import { api, array, call, json, linked } from './server.js';
+import { $, state } from './state.js';
+import { drawHeat, drawMarks, drawPlanNow } from './view.js';
 
 // If less than this share has been seen, "absent" only means "not seen".
 const UNSEEN_COVERAGE = 0.05;
@@ -26,7 +26,7 @@ async function segment(texts, number) {
   const in3d = post({ texts });
   const inView = chosen === null ? null : post({ texts, view: { frame: chosen } });
   const [space, view] = await Promise.all([in3d, inView]);
-  const labels = view ? await createImageBitmap(await (await call(view.labels.url)).blob()) : null;
+  const labels = view ? await createImageBitmap(await (await call(linked(view.labels.url))).blob()) : null;
   if (number !== state.asked || map !== state.map) return;
   state.objects = [];
   drawLegend(space, view);
@@ -45,7 +45,7 @@ async function locate(text, number) {
   const in3d = post({ text, outputs: ['objects'] });
   const inView = chosen === null ? null : post({ text, view: { frame: chosen }, outputs: ['heatmap', 'boxes'] });
   const [space, view] = await Promise.all([in3d, inView]);
-  const heat = view?.heatmap ? await array(view.heatmap.url) : null;
+  const heat = view?.heatmap ? await array(linked(view.heatmap.url)) : null;
   if (number !== state.asked || map !== state.map) return;
   state.objects = space.objects ?? [];
   drawAnswer(space, view);

@@ -1,5 +1,5 @@
 // Requests to the server.
-import { $, state } from '/dashboard/state.js';
+import { $, state } from './state.js';
 
 export async function call(path, options = {}) {
   let response;
@@ -19,8 +19,11 @@ export async function call(path, options = {}) {
   return response;
 }
 
+// Addresses are relative to the page's: a proxy may show it below a path.
 // Path below the shown map.
-export const api = (rest = '') => `/v1/maps/${encodeURIComponent(state.map)}${rest}`;
+export const api = (rest = '') => `v1/maps/${encodeURIComponent(state.map)}${rest}`;
+// Address of a part of an answer, which is relative to that of the question.
+export const linked = (url) => new URL(url, new URL(api('/query'), document.baseURI));
 export const json = async (path, options) => (await call(path, options)).json();
 
 // Fetches a float32 .npy file (format version 1) as {shape, values}.

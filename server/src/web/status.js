@@ -1,7 +1,7 @@
 // The status of the map.
-import { element, throttled } from '/dashboard/page.js';
-import { api, json } from '/dashboard/server.js';
-import { $, state } from '/dashboard/state.js';
+import { element, throttled } from './page.js';
+import { api, json } from './server.js';
+import { $, state } from './state.js';
 
 const REFRESH_MILLIS = 1500;
 

@@ -1,8 +1,8 @@
 // The rendered view with the answer over it, and the plan.
-import { attempt } from '/dashboard/page.js';
-import { drawPlan } from '/dashboard/plan.js';
-import { api, array, call } from '/dashboard/server.js';
-import { $, state } from '/dashboard/state.js';
+import { attempt } from './page.js';
+import { drawPlan } from './plan.js';
+import { api, array, call } from './server.js';
+import { $, state } from './state.js';
 
 const PICTURE_WIDTH = 640;
 

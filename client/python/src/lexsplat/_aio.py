@@ -231,8 +231,8 @@ class AsyncMap:
         return Segmentation._of(await self._query(request))
 
     async def _query(self, request: v1.QueryRequest) -> v1.QueryResponse:
-        connection = self._connection
-        return await connection.call(lambda stub: stub.Query(request, metadata=connection.metadata))
+        # An answer may be larger than what fits into one message.
+        return v1.QueryResponse.FromString(await self._whole("QueryChunks", request))
 
     async def status(self) -> MapStatus:
         """How far the map is."""
@@ -311,10 +311,14 @@ class AsyncMap:
         return PointCloud._of(await self._export(request))
 
     async def _export(self, request: v1.ExportRequest) -> bytes:
+        return await self._whole("ExportMap", request)
+
+    async def _whole(self, call: str, request: v1.QueryRequest | v1.ExportRequest) -> bytes:
+        """What a call sends in chunks."""
         connection = self._connection
 
         async def whole(stub: object) -> bytes:
-            chunks = stub.ExportMap(request, metadata=connection.metadata)  # type: ignore[attr-defined]
+            chunks = getattr(stub, call)(request, metadata=connection.metadata)
             return b"".join([chunk.data async for chunk in chunks])
 
         return await connection.call(whole)

@@ -35,7 +35,7 @@ _FIRST_PAUSE = 0.2
 _LONGEST_PAUSE = 5.0
 
 _OPTIONS = [
-    # Heat maps and frames may be larger than gRPC's default of 4 MiB. The server has limits.
+    # Frames may be larger than gRPC's default of 4 MiB. The server has limits.
     ("grpc.max_receive_message_length", -1),
     ("grpc.max_send_message_length", -1),
     # A robot that leaves the network gets no packet that says so.

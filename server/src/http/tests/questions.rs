@@ -54,6 +54,13 @@ async fn bad_questions_name_their_field() {
     assert_eq!(good.json()["present"], false, "the map is empty");
 }
 
+/// The path of a link, which is relative to the address of the question.
+fn below(map: &str, link: &Value) -> String {
+    let link = link.as_str().unwrap();
+    assert!(link.starts_with("queries/"), "{link}");
+    format!("/v1/maps/{map}/{link}")
+}
+
 #[tokio::test]
 async fn a_question_about_a_view_has_a_heat_map_to_fetch() {
     let server = Server::start();
@@ -64,7 +71,7 @@ async fn a_question_about_a_view_has_a_heat_map_to_fetch() {
     let answer = reply.json();
     assert_eq!(answer["heatmap"]["width"], 64);
     assert_eq!(answer["mask"]["size"], json!([48, 64]));
-    let url = answer["heatmap"]["url"].as_str().unwrap();
+    let url = &below("asked", &answer["heatmap"]["url"]);
     let picture = server.get(url).await;
     assert_eq!(picture.header("content-type"), "image/png");
     let picture = image::load_from_memory(&picture.body).unwrap();
@@ -79,7 +86,7 @@ async fn a_question_about_a_view_has_a_heat_map_to_fetch() {
     let body = json!({"text": "red wall", "threshold": 0});
     let answer = server.post("/v1/maps/asked/query", body.to_string()).await.json();
     assert!(answer.get("heatmap").is_none() && answer["objects"].is_array(), "{answer}");
-    let points = server.get(answer["points"]["url"].as_str().unwrap()).await;
+    let points = server.get(&below("asked", &answer["points"]["url"])).await;
     let text = String::from_utf8_lossy(&points.body);
     assert!(text.contains(&format!("element vertex {}\n", answer["points"]["count"])), "{text}");
 }
@@ -96,7 +103,7 @@ async fn several_texts_have_labels_to_fetch_and_places_are_checked() {
     assert_eq!(answer["legend"][1]["text"], "blue sky");
     assert_eq!(answer["legend"][1]["label"], 2);
     assert!(answer.get("heatmap").is_none() && answer["legend"][0]["color"].is_string());
-    let url = answer["labels"]["url"].as_str().unwrap();
+    let url = &below("labelled", &answer["labels"]["url"]);
     let picture = image::load_from_memory(&server.get(url).await.body).unwrap();
     assert_eq!((picture.width(), picture.height()), (64, 48));
     let array = server.get_with(url, "accept", "application/x-npy").await;
@@ -106,7 +113,7 @@ async fn several_texts_have_labels_to_fetch_and_places_are_checked() {
 
     let body = json!({"texts": ["red wall", "blue sky"]});
     let answer = server.post(path, body.to_string()).await.json();
-    let url = answer["points"]["url"].as_str().unwrap();
+    let url = &below("labelled", &answer["points"]["url"]);
     let points = server.get(url).await;
     assert!(String::from_utf8_lossy(&points.body).contains("property uchar label\n"));
     server.problem_get(&url.replace("points", "labels"), 404, "").await;

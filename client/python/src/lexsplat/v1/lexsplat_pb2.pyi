@@ -417,7 +417,7 @@ class Bounds(_message.Message):
     def __init__(self, min_metres: _Optional[_Union[Vector3, _Mapping]] = ..., max_metres: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class QueryResponse(_message.Message):
-    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged")
+    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged", "left_out")
     QUERY_ID_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     MAP_FIELD_NUMBER: _ClassVar[int]
@@ -437,6 +437,7 @@ class QueryResponse(_message.Message):
     THROUGH_FIELD_NUMBER: _ClassVar[int]
     SETTLED_FIELD_NUMBER: _ClassVar[int]
     CONVERGED_FIELD_NUMBER: _ClassVar[int]
+    LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
     query_id: str
     text: str
     map: str
@@ -456,7 +457,8 @@ class QueryResponse(_message.Message):
     through: int
     settled: bool
     converged: bool
-    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ...) -> None: ...
+    left_out: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ..., left_out: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Segmentation(_message.Message):
     __slots__ = ("legend", "image", "points")

@@ -47,6 +47,11 @@ class MappingStub(object):
                 request_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.QueryRequest.SerializeToString,
                 response_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.QueryResponse.FromString,
                 _registered_method=True)
+        self.QueryChunks = channel.unary_stream(
+                '/lexsplat.v1.Mapping/QueryChunks',
+                request_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.QueryRequest.SerializeToString,
+                response_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.Chunk.FromString,
+                _registered_method=True)
         self.CreateMap = channel.unary_unary(
                 '/lexsplat.v1.Mapping/CreateMap',
                 request_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.CreateMapRequest.SerializeToString,
@@ -89,7 +94,16 @@ class MappingServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Query(self, request, context):
-        """Asks where something is. The same as POST /v1/maps/{name}/query.
+        """Asks where something is. The same as POST /v1/maps/{name}/query. The answer is at most 4 MiB, which every gRPC
+        client takes: arrays for which there is no room are empty, and QueryResponse.left_out names them.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def QueryChunks(self, request, context):
+        """The same for answers of any size: a QueryResponse with all its arrays, encoded and cut into chunks. It is what
+        the data of all chunks, one after the other, decodes to.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -139,6 +153,11 @@ def add_MappingServicer_to_server(servicer, server):
                     servicer.Query,
                     request_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.QueryRequest.FromString,
                     response_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.QueryResponse.SerializeToString,
+            ),
+            'QueryChunks': grpc.unary_stream_rpc_method_handler(
+                    servicer.QueryChunks,
+                    request_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.QueryRequest.FromString,
+                    response_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.Chunk.SerializeToString,
             ),
             'CreateMap': grpc.unary_unary_rpc_method_handler(
                     servicer.CreateMap,
@@ -223,6 +242,33 @@ class Mapping(object):
             '/lexsplat.v1.Mapping/Query',
             lexsplat_dot_v1_dot_lexsplat__pb2.QueryRequest.SerializeToString,
             lexsplat_dot_v1_dot_lexsplat__pb2.QueryResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def QueryChunks(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(
+            request,
+            target,
+            '/lexsplat.v1.Mapping/QueryChunks',
+            lexsplat_dot_v1_dot_lexsplat__pb2.QueryRequest.SerializeToString,
+            lexsplat_dot_v1_dot_lexsplat__pb2.Chunk.FromString,
             options,
             channel_credentials,
             insecure,
