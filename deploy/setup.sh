@@ -115,6 +115,13 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/bags/rosbags ]; then
     'foxglove-sdk==0.30.3' 'pillow==12.0.0' 'numpy>=2,<3'
 fi
 
+# A validator of OpenAPI documents, and a generator of clients with what its clients need.
+if [ "${1:-}" = --tests ] && [ ! -d .deps/openapi/openapi_python_client ]; then
+  say "installing a validator and a generator for OpenAPI into .deps/openapi"
+  mkdir -p .deps
+  pip_install .deps/openapi --only-binary=:all: 'openapi-spec-validator==0.9.0' 'openapi-python-client==0.29.1'
+fi
+
 # What the Python package is built with, needs (the oldest gRPC that it promises) and is tested with.
 # The range of Rerun spans the versions of Python.
 if [ "${1:-}" = --tests ] && [ ! -d .deps/client/grpcio-1.80.0.dist-info ]; then

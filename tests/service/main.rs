@@ -25,6 +25,7 @@ mod large_answers;
 mod live;
 mod load;
 mod memory;
+mod openapi;
 mod outside;
 mod prefix;
 mod python;

@@ -2,6 +2,7 @@
 
 use super::error::Problem;
 use super::extract::{NPY, NamedMap, Segments, wants_npy};
+use super::schema::Binary;
 use super::state::State;
 use crate::export;
 use crate::pipeline::query::{LabelledPoint, ScoredPoint};
@@ -11,11 +12,11 @@ use lexsplat_proto::json;
 
 /// The relevancy of every pixel: PNG in color, or float32 npy `[height, width]`.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/queries/{query_id}/heatmap", tag = "query",
+    get, path = "/v1/maps/{name}/queries/{query_id}/heatmap", operation_id = "get_heatmap", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),
     responses(
         (status = 200, description = "PNG; with Accept: application/x-npy an array",
-            content((Vec<u8> = "image/png"), (Vec<u8> = "application/x-npy"))),
+            content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
         (status = 404, description = "the answer is no longer kept, or has no such part", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
@@ -49,11 +50,11 @@ pub(super) async fn heatmap(
 /// (x, y, z, score) or float32 npy `[count, 4]`. With `texts`: all Gaussians with language, as PLY
 /// (x, y, z, red, green, blue, label, score) or float32 npy `[count, 5]` (x, y, z, label, score).
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/queries/{query_id}/points", tag = "query",
+    get, path = "/v1/maps/{name}/queries/{query_id}/points", operation_id = "get_points", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),
     responses(
         (status = 200, description = "PLY; with Accept: application/x-npy an array",
-            content((Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"))),
+            content((inline(Binary) = "application/octet-stream"), (inline(Binary) = "application/x-npy"))),
         (status = 404, description = "the answer is no longer kept, or has no such part", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
@@ -96,11 +97,11 @@ pub(super) async fn points(
 /// The labels of the pixels of an answer to `texts`: PNG with a palette (the value of a pixel is
 /// its label, 0 is transparent), or uint8 npy `[height, width]`.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/queries/{query_id}/labels", tag = "query",
+    get, path = "/v1/maps/{name}/queries/{query_id}/labels", operation_id = "get_labels", tag = "query",
     params(("name" = String, Path), ("query_id" = String, Path)),
     responses(
         (status = 200, description = "PNG; with Accept: application/x-npy an array",
-            content((Vec<u8> = "image/png"), (Vec<u8> = "application/x-npy"))),
+            content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
         (status = 404, description = "the answer is no longer kept, or has no such part", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]

@@ -3,6 +3,7 @@
 use super::error::Problem;
 use super::extract::{Segments, expect_type};
 use super::pace::Pace;
+use super::schema::Binary;
 use super::state::State;
 use crate::maps::{self, BackupError};
 use axum::Json;
@@ -29,9 +30,9 @@ const DRAINED_WITHIN: Duration = Duration::from_secs(10);
 /// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile. A client that
 /// takes less than 16 KiB a second for long gets no more.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
+    get, path = "/v1/maps/{name}/backup", operation_id = "back_up_map", tag = "maps", params(("name" = String, Path)),
     responses(
-        (status = 200, description = "a tar", content_type = "application/x-tar"),
+        (status = 200, description = "a tar", body = inline(Binary), content_type = "application/x-tar"),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
         (status = 409, description = "nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
         (status = 503, description = "as many backups as the server makes at a time are being read", body = json::Problem, content_type = "application/problem+json"),
@@ -66,8 +67,8 @@ pub(super) async fn take(state: State, segments: Segments) -> Result<impl IntoRe
 /// Puts a backup in place as a new map. It is checked first; then it is loaded. A client that sends less than
 /// 16 KiB a second for long is refused.
 #[utoipa::path(
-    put, path = "/v1/maps/{name}/backup", tag = "maps", params(("name" = String, Path)),
-    request_body(content = Vec<u8>, content_type = "application/x-tar"),
+    put, path = "/v1/maps/{name}/backup", operation_id = "restore_map", tag = "maps", params(("name" = String, Path)),
+    request_body(content = inline(Binary), content_type = "application/x-tar"),
     responses(
         (status = 201, description = "the map is there and is being loaded", body = json::Restored),
         (status = 400, description = "the archive is damaged or no backup", body = json::Problem, content_type = "application/problem+json"),

@@ -105,7 +105,7 @@ fn server_sent(name: &str, id: Option<u64>, payload: &impl Serialize) -> Event {
 /// Events of the map: "status" first, then "frame", "input_warning", "revision" and "missed" as they
 /// happen.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/events", tag = "maps",
+    get, path = "/v1/maps/{name}/events", operation_id = "stream_events", tag = "maps",
     params(
         ("name" = String, Path),
         ("Last-Event-ID" = Option<u64>, Header, description = "continue after the event with this id"),

@@ -5,6 +5,7 @@ use super::extract::{Asker, NamedMap, Options, Segments};
 use super::file_cache::{ExportOptions, Exported};
 use super::range::{Tagged, respond};
 use super::reading::{self, WaitOptions};
+use super::schema::Binary;
 use super::state::State;
 use crate::check;
 use crate::export::{self, Format};
@@ -36,7 +37,7 @@ impl AllOptions {
 
 /// The map as a file.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/export/{file}", tag = "maps",
+    get, path = "/v1/maps/{name}/export/{file}", operation_id = "export_map", tag = "maps",
     params(
         ("name" = String, Path),
         ("file" = String, Path, description = "splats.ply, splats.spz, splats.glb, language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"),
@@ -44,13 +45,14 @@ impl AllOptions {
         WaitOptions,
     ),
     responses(
-        (status = 200, description = "the whole file", content_type = "application/octet-stream"),
-        (status = 206, description = "the part that Range asks for", content_type = "application/octet-stream"),
+        (status = 200, description = "the whole file", body = inline(Binary), content_type = "application/octet-stream"),
+        (status = 206, description = "the part that Range asks for", body = inline(Binary), content_type = "application/octet-stream"),
         (status = 304, description = "the file still has the entity tag in If-None-Match"),
         (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or file", body = json::Problem, content_type = "application/problem+json"),
         (status = 409, description = "the map is too far from the origin for the format", body = json::Problem, content_type = "application/problem+json"),
         (status = 416, description = "the range is outside the file", body = json::Problem, content_type = "application/problem+json"),
+        (status = 429, description = "too many questions of this client wait", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn file(

@@ -8,6 +8,7 @@ use utoipa::IntoParams;
 
 /// The options of a file in the query string.
 #[derive(Clone, Debug, Default, PartialEq, IntoParams)]
+#[into_params(parameter_in = Query)]
 pub(super) struct ExportOptions {
     /// mesh.ply: side of a voxel, 0.002 to 1 metre; 0.02 if absent.
     pub(super) voxel: Option<f32>,

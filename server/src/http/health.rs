@@ -24,7 +24,7 @@ fn health(state: &State, status: &str) -> Health {
 }
 
 /// Whether the process runs.
-#[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, body = Health)))]
+#[utoipa::path(get, path = "/healthz", operation_id = "get_health", tag = "health", responses((status = 200, body = Health)))]
 pub(super) async fn healthz(state: State) -> Json<Health> {
     Json(health(&state, "alive"))
 }
@@ -33,7 +33,7 @@ pub(super) async fn healthz(state: State) -> Json<Health> {
 /// that are still being loaded are listed. Both name maps: who may not use all of them sees the
 /// number of warnings only.
 #[utoipa::path(
-    get, path = "/readyz", tag = "health",
+    get, path = "/readyz", operation_id = "get_readiness", tag = "health",
     responses(
         (status = 200, body = Health),
         (status = 503, description = "the server is stopping", body = json::Problem, content_type = "application/problem+json"),
@@ -63,7 +63,7 @@ pub(super) async fn readyz(
 
 /// Metrics as Prometheus text.
 #[utoipa::path(
-    get, path = "/metrics", tag = "health",
+    get, path = "/metrics", operation_id = "get_metrics", tag = "health",
     responses((status = 200, body = String, content_type = "text/plain")),
 )]
 pub(super) async fn metrics(state: State) -> impl IntoResponse {

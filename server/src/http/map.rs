@@ -14,11 +14,12 @@ use lexsplat_proto::json::{self, Frames, Maps, NewMap, Status};
 
 /// Creates a map.
 #[utoipa::path(
-    post, path = "/v1/maps", tag = "maps", request_body = NewMap,
+    post, path = "/v1/maps", operation_id = "create_map", tag = "maps", request_body = NewMap,
     responses(
         (status = 201, body = Status),
         (status = 400, description = "the name is invalid", body = json::Problem, content_type = "application/problem+json"),
         (status = 409, description = "a map with this name exists", body = json::Problem, content_type = "application/problem+json"),
+        (status = 429, description = "there are as many maps as there may be", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn create(
@@ -34,7 +35,7 @@ pub(super) async fn create(
 }
 
 /// Lists the maps that the caller may use.
-#[utoipa::path(get, path = "/v1/maps", tag = "maps", responses((status = 200, body = Maps)))]
+#[utoipa::path(get, path = "/v1/maps", operation_id = "list_maps", tag = "maps", responses((status = 200, body = Maps)))]
 pub(super) async fn list(state: State, Extension(caller): Extension<Caller>) -> Json<Maps> {
     let seen = state.maps.list().into_iter().filter(|map| caller.sees(map.name()));
     Json(Maps { maps: seen.map(listed).collect() })
@@ -42,7 +43,7 @@ pub(super) async fn list(state: State, Extension(caller): Extension<Caller>) -> 
 
 /// The status of a map.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}", tag = "maps", params(("name" = String, Path)),
+    get, path = "/v1/maps/{name}", operation_id = "get_map", tag = "maps", params(("name" = String, Path)),
     responses(
         (status = 200, body = Status),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
@@ -54,7 +55,7 @@ pub(super) async fn show(NamedMap(map): NamedMap) -> Json<Status> {
 
 /// Deletes a map.
 #[utoipa::path(
-    delete, path = "/v1/maps/{name}", tag = "maps", params(("name" = String, Path)),
+    delete, path = "/v1/maps/{name}", operation_id = "delete_map", tag = "maps", params(("name" = String, Path)),
     responses(
         (status = 204, description = "the map was deleted"),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
@@ -73,7 +74,7 @@ pub(super) async fn delete(
 
 /// The keyframes of a map.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/frames", tag = "maps", params(("name" = String, Path)),
+    get, path = "/v1/maps/{name}/frames", operation_id = "list_frames", tag = "maps", params(("name" = String, Path)),
     responses(
         (status = 200, body = Frames),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
@@ -90,7 +91,7 @@ pub(super) async fn frames(NamedMap(map): NamedMap) -> Json<Frames> {
 
 /// The poses of all tracked frames as TUM text: `timestamp tx ty tz qx qy qz qw`, camera-to-world.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/trajectory", tag = "maps", params(("name" = String, Path), WaitOptions),
+    get, path = "/v1/maps/{name}/trajectory", operation_id = "get_trajectory", tag = "maps", params(("name" = String, Path), WaitOptions),
     responses(
         (status = 200, body = String, content_type = "text/plain"),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),

@@ -25,6 +25,7 @@ mod range;
 mod reading;
 mod render;
 mod router;
+mod schema;
 mod session;
 mod state;
 mod to_json;

@@ -1,5 +1,6 @@
 //! `GET /openapi.json`: the OpenAPI 3.1 document, generated from the annotations of the handlers.
 
+use super::schema::SharedErrors;
 use super::{answers, backup, events, export, health, map, query, render, session};
 use axum::Json;
 use lexsplat_proto::json;
@@ -37,7 +38,7 @@ use utoipa::{Modify, OpenApi};
         backup::put,
         events::stream,
     ),
-    modifiers(&Bearer),
+    modifiers(&Bearer, &SharedErrors),
     security(("bearer" = [])),
     components(schemas(
         json::Problem,
@@ -60,7 +61,7 @@ impl Modify for Bearer {
 }
 
 /// This document.
-#[utoipa::path(get, path = "/openapi.json", tag = "health", responses((status = 200, description = "OpenAPI 3.1")))]
+#[utoipa::path(get, path = "/openapi.json", operation_id = "get_openapi", tag = "health", responses((status = 200, description = "OpenAPI 3.1")))]
 pub(super) async fn document() -> Json<utoipa::openapi::OpenApi> {
     Json(Document::openapi())
 }

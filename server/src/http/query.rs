@@ -14,7 +14,7 @@ use std::time::Instant;
 
 /// Asks a map in plain words.
 #[utoipa::path(
-    post, path = "/v1/maps/{name}/query", tag = "query",
+    post, path = "/v1/maps/{name}/query", operation_id = "query_map", tag = "query",
     params(("name" = String, Path, description = "name of the map"), WaitOptions),
     request_body = json::Question,
     responses(

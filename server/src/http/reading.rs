@@ -9,6 +9,7 @@ use utoipa::IntoParams;
 
 /// The options of a request that may wait.
 #[derive(Clone, Debug, Default, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct WaitOptions {
     /// "settled": wait until the map has done its work on all frames that were acknowledged. "converged":

@@ -3,6 +3,7 @@
 use super::error::Problem;
 use super::extract::{Asker, Body, NPY, NamedMap, Options, wants_npy};
 use super::reading::{self, WaitOptions};
+use super::schema::Binary;
 use super::state::{Shared, State};
 use crate::check;
 use crate::export;
@@ -31,7 +32,7 @@ pub(super) struct FrameOptions {
 
 /// Renders the map from the pose of a tracked frame, with that frame's exposure.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/render", tag = "maps",
+    get, path = "/v1/maps/{name}/render", operation_id = "render_frame", tag = "maps",
     params(
         ("name" = String, Path),
         ("frame" = u64, Query, description = "the sequence number of a tracked frame"),
@@ -42,9 +43,10 @@ pub(super) struct FrameOptions {
     ),
     responses(
         (status = 200, description = "PNG; depth with Accept: application/x-npy an array",
-            content((Vec<u8> = "image/png"), (Vec<u8> = "application/x-npy"))),
+            content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
         (status = 400, description = "a field is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or frame", body = json::Problem, content_type = "application/problem+json"),
+        (status = 429, description = "too many questions of this client wait", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn of_frame(
@@ -63,13 +65,14 @@ pub(super) async fn of_frame(
 
 /// Renders the map from any camera.
 #[utoipa::path(
-    post, path = "/v1/maps/{name}/render", tag = "maps", params(("name" = String, Path), WaitOptions),
+    post, path = "/v1/maps/{name}/render", operation_id = "render_view", tag = "maps", params(("name" = String, Path), WaitOptions),
     request_body = RenderRequest,
     responses(
         (status = 200, description = "PNG; depth with Accept: application/x-npy an array",
-            content((Vec<u8> = "image/png"), (Vec<u8> = "application/x-npy"))),
+            content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
         (status = 400, description = "a field is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or frame", body = json::Problem, content_type = "application/problem+json"),
+        (status = 429, description = "too many questions of this client wait", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
 pub(super) async fn of_view(

@@ -17,7 +17,7 @@ use lexsplat_proto::json::{self, Login};
 
 /// Logs a browser in: the token becomes a cookie.
 #[utoipa::path(
-    post, path = "/v1/session", tag = "session", request_body = Login,
+    post, path = "/v1/session", operation_id = "log_in", tag = "session", request_body = Login,
     responses(
         (status = 204, description = "logged in: the cookie is set"),
         (status = 401, description = "the token is not known", body = json::Problem, content_type = "application/problem+json"),
@@ -42,7 +42,7 @@ pub(super) async fn log_in(
 
 /// Logs a browser out: the cookie is removed.
 #[utoipa::path(
-    delete, path = "/v1/session", tag = "session",
+    delete, path = "/v1/session", operation_id = "log_out", tag = "session",
     responses((status = 204, description = "logged out: the cookie is removed")),
 )]
 pub(super) async fn log_out() -> Response {
