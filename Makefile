@@ -38,7 +38,7 @@ define on_swiftshader
 else echo 'SKIPPED: kernels are not tested on a second driver, because SwiftShader could not be had (deploy/setup.sh --tests)'; fi
 endef
 
-lint: ## Format, lints, types, documentation, licences, spelling
+lint: ## Format, lints, types, messages, documentation, licences, spelling
 	@deploy/setup.sh --lint
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
@@ -46,6 +46,7 @@ lint: ## Format, lints, types, documentation, licences, spelling
 	@if command -v cargo-deny >/dev/null; then cargo deny --all-features check --hide-inclusion-graph licenses bans sources; \
 	  else echo 'SKIPPED: licences, bans and sources are not checked, because cargo-deny is not installed (cargo install cargo-deny)'; fi
 	.deps/lint/bin/typos
+	.deps/buf/bin/buf lint proto
 	.deps/lint/bin/ruff check --no-cache
 	.deps/lint/bin/ruff format --no-cache --check client tests training
 	cd client/python && PYTHONPATH=$(CURDIR)/.deps/types python3 -m mypy --cache-dir=/dev/null

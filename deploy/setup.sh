@@ -6,7 +6,7 @@
 #   deploy/setup.sh            for the server
 #   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files,
 #                              SwiftShader as a second Vulkan driver where Debian's packages have it
-#   deploy/setup.sh --lint     only the linters: typos, ruff and mypy
+#   deploy/setup.sh --lint     only the linters: typos, ruff, mypy and buf
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -15,6 +15,7 @@ PYTHON_TAG=3.12 # of the wheel; only its shared library is used
 TYPOS_VERSION=1.52.0
 RUFF_VERSION=0.17.6
 MYPY_VERSION=2.4.1
+BUF_VERSION=1.75.0
 
 say() { printf '%s\n' "$*" >&2; }
 fail() { say "error: $*"; exit 1; }
@@ -67,6 +68,11 @@ if [ "${1:-}" = --lint ]; then
     mkdir -p .deps
     pip_install .deps/types --only-binary=:all: "mypy==$MYPY_VERSION" 'numpy>=2,<3' \
       'types-grpcio==1.85.0.20261028' 'types-protobuf==7.35.1.20260906'
+  fi
+  if [ ! -d ".deps/buf/buf_bin-$BUF_VERSION.dist-info" ]; then
+    say "installing buf $BUF_VERSION into .deps/buf"
+    mkdir -p .deps
+    pip_install .deps/buf --only-binary=:all: --no-deps "buf-bin==$BUF_VERSION"
   fi
   exit
 fi
