@@ -11,6 +11,7 @@ mod bundles;
 mod cameras;
 mod captures;
 mod clock;
+mod command_line;
 mod connections;
 mod end_to_end;
 mod evaluate;

@@ -229,7 +229,7 @@ fn rate(options: &str) -> Result<FrameRate, String> {
 /// Says on standard error what was assumed when a data set was opened, what was left out, and what the
 /// server is to do with its lenses.
 pub fn tell(dataset: &dyn Dataset) {
-    let say = |words: &str| eprintln!("lexsplat: {}", plain(words));
+    let say = |words: &str| note!("lexsplat: {}", plain(words));
     dataset.notes().iter().for_each(|note| say(note));
     if let [first, ..] = dataset.skipped() {
         say(&format!("{} frames left out: {first}", dataset.skipped().len()));

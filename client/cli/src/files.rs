@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result};
 use image::RgbImage;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Makes a folder if it is missing.
 pub fn make_folder(path: &Path) -> Result<()> {
@@ -12,6 +12,21 @@ pub fn make_folder(path: &Path) -> Result<()> {
 /// Writes a file.
 pub fn save(path: &Path, bytes: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Writes to a temporary file beside it first, so that the file is always complete.
+pub fn save_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let part = part_of(path);
+    std::fs::write(&part, bytes)
+        .and_then(|()| std::fs::rename(&part, path))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// The temporary file beside a file that is being written.
+pub fn part_of(path: &Path) -> PathBuf {
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    part.into()
 }
 
 /// Writes an image; the extension says which format.
@@ -37,5 +52,19 @@ mod tests {
     #[test]
     fn no_control_character_reaches_the_terminal() {
         assert_eq!(plain("/camera\u{1b}[31m/é\r\n"), "/camera\\u{1b}[31m/é\\r\n");
+    }
+
+    #[test]
+    fn files_are_whole_or_absent() {
+        let folder = std::env::temp_dir().join(format!("lexsplat-export-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("map.ply");
+        save_whole(&file, b"old").unwrap();
+        save_whole(&file, b"new").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"new");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is left beside it");
+        let error = save_whole(&folder.join("no/such/map.ply"), b"").unwrap_err();
+        assert!(error.to_string().contains("map.ply"), "{error}");
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

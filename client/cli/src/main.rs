@@ -1,5 +1,13 @@
 //! The command line `lexsplat`. Exit codes: 0 done, 1 failed, 2 wrong usage.
 
+#![deny(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "they panic if nobody reads: `output` says it without"
+)]
+
+#[macro_use]
+mod output;
 mod access;
 mod answer;
 mod bench;
@@ -13,7 +21,7 @@ mod sensing;
 mod server;
 mod waiting;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Stream RGB-D data to a lexsplat server and ask it where objects are.
@@ -29,10 +37,12 @@ enum Command {
     Ablate(command::ablate::Ablate),
     Bench(command::bench::Bench),
     Bridge(command::bridge::Bridge),
+    Completions(command::shell::Completions),
     Demo(command::demo::Demo),
     Evaluate(Box<command::evaluate::Evaluate>),
     Export(command::export::Export),
     Inspect(command::inspect::Inspect),
+    Man(command::shell::Man),
     Maps(command::maps::Maps),
     Query(command::query::Query),
     Stream(command::stream::Stream),
@@ -44,10 +54,14 @@ fn main() -> ExitCode {
         Command::Ablate(arguments) => runtime::wait(command::ablate::run(&arguments)),
         Command::Bench(arguments) => runtime::wait(command::bench::run(&arguments)),
         Command::Bridge(arguments) => runtime::wait(command::bridge::run(&arguments)),
+        Command::Completions(arguments) => {
+            command::shell::completions(&arguments, Arguments::command())
+        }
         Command::Demo(arguments) => runtime::wait(command::demo::run(&arguments)),
         Command::Evaluate(arguments) => runtime::wait(command::evaluate::run(&arguments)),
         Command::Export(arguments) => runtime::wait(command::export::run(&arguments)),
         Command::Inspect(arguments) => command::inspect::run(&arguments),
+        Command::Man(arguments) => command::shell::man(&arguments, Arguments::command()),
         Command::Maps(arguments) => runtime::wait(command::maps::run(&arguments)),
         Command::Query(arguments) => runtime::wait(command::query::run(&arguments)),
         Command::Stream(arguments) => runtime::wait(command::stream::run(&arguments)),
@@ -55,8 +69,9 @@ fn main() -> ExitCode {
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
+        Err(error) if output::was_enough(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("lexsplat: {error:#}");
+            note!("lexsplat: {error:#}");
             ExitCode::FAILURE
         }
     }

@@ -14,7 +14,7 @@ pub fn progress_bar(frames: u64) -> ProgressBar {
 pub fn show(bar: &ProgressBar, progress: &Progress) {
     for warning in &progress.input_warnings {
         let (sequence, message) = (warning.sequence, &warning.message);
-        bar.suspend(|| eprintln!("lexsplat: warning (frame {sequence}): {message}"));
+        bar.suspend(|| note!("lexsplat: warning (frame {sequence}): {message}"));
     }
     bar.set_length(progress.total);
     bar.set_position(progress.acknowledged);
@@ -34,6 +34,6 @@ pub fn show(bar: &ProgressBar, progress: &Progress) {
 /// Says on standard error how many frames could not be read, and why the first.
 pub fn tell_left_out(summary: &Summary) {
     if let [first, ..] = &summary.left_out_frames[..] {
-        eprintln!("lexsplat: {} frames left out: {}", summary.left_out, first.reason);
+        note!("lexsplat: {} frames left out: {}", summary.left_out, first.reason);
     }
 }

@@ -165,7 +165,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         if let Err(error) = self.end() {
-            eprintln!("lexsplat: {error:#}");
+            note!("lexsplat: {error:#}");
         }
     }
 }

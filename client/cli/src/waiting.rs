@@ -43,7 +43,7 @@ pub async fn shown<T>(request: impl Future<Output = T>) -> T {
 /// Says what an answer or a file is of, if the map was not settled.
 pub fn note(of: &ReadOf) {
     if let Some(note) = unsettled(of) {
-        eprintln!("note: {note}");
+        note!("note: {note}");
     }
 }
 

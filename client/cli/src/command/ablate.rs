@@ -129,14 +129,14 @@ pub async fn run(arguments: &Ablate) -> Result<()> {
     let wanted: Vec<&Variant> = VARIANTS.iter().filter(is_wanted).collect();
     let mut measured = Vec::new();
     for (at, variant) in wanted.iter().enumerate() {
-        eprintln!("{} of {}: {} ({})", at + 1, wanted.len(), variant.name, variant.about);
+        note!("{} of {}: {} ({})", at + 1, wanted.len(), variant.name, variant.about);
         measured.push((*variant, one(arguments, &dataset, variant).await?));
     }
     let (columns, rows) = (columns(), rows(&measured));
-    print!("{}", table(&columns, &rows));
+    say_part!("{}", table(&columns, &rows))?;
     let page = arguments.out.join("ablation.md");
     save(&page, markdown(&measured[0].1, &columns, &rows))?;
-    println!("\nreport     {}", page.display());
+    say!("\nreport     {}", page.display())?;
     Ok(())
 }
 

@@ -5,6 +5,7 @@ use crate::access::AccessOptions;
 use crate::bench::{self, Latencies, Plan, Report};
 use crate::dataset::DatasetSpec;
 use crate::files::save;
+use crate::output::is_standard;
 use anyhow::{Result, ensure};
 use lexsplat_client::dataset::{Dataset, FrameRange};
 use lexsplat_evaluate::table::{Column, table};
@@ -52,7 +53,7 @@ pub struct Bench {
     http: String,
     #[command(flatten)]
     access: AccessOptions,
-    /// Also write the report to this file
+    /// Also write the report to this file; -: to standard output, instead of the tables
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -78,12 +79,16 @@ pub async fn run(arguments: &Bench) -> Result<()> {
         seconds: arguments.seconds,
         texts: arguments.texts.clone(),
     };
-    eprintln!("reading or rendering frames");
+    note!("reading or rendering frames");
     let datasets = datasets(arguments)?;
     let report = bench::run(&plan, datasets).await?;
-    print!("{}", described(&report));
-    if let Some(path) = &arguments.json {
-        save(path, serde_json::to_vec_pretty(&report)?)?;
+    match &arguments.json {
+        Some(path) if is_standard(path) => say!("{}", serde_json::to_string_pretty(&report)?)?,
+        Some(path) => {
+            say_part!("{}", described(&report))?;
+            save(path, serde_json::to_vec_pretty(&report)?)?;
+        }
+        None => say_part!("{}", described(&report))?,
     }
     Ok(())
 }

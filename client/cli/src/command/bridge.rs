@@ -3,6 +3,7 @@
 use crate::access::AccessOptions;
 use crate::choices::Poses;
 use crate::files::plain;
+use crate::output::OutputError;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::live::{BridgeEvent, BridgeOptions, BridgeProgress, bridge};
@@ -102,16 +103,16 @@ pub async fn run(arguments: &Bridge) -> Result<()> {
             _ = tokio::signal::ctrl_c() => {}
             _ = terminated.recv() => {}
         }
-        eprintln!("lexsplat: sending the frames that wait");
+        note!("lexsplat: sending the frames that wait");
     };
     let bar = bar();
     let ended = bridge(&options, stop, |event| show(&bar, &event)).await;
     bar.finish_and_clear();
     let counts = ended?;
     if arguments.json {
-        println!("{}", serde_json::to_string(&counts)?);
+        say!("{}", serde_json::to_string(&counts)?)?;
     } else {
-        print(&options.map, &counts);
+        print(&options.map, &counts)?;
     }
     Ok(())
 }
@@ -125,7 +126,7 @@ fn bar() -> ProgressBar {
 
 fn show(bar: &ProgressBar, event: &BridgeEvent) {
     match event {
-        BridgeEvent::Told(what) => bar.suspend(|| eprintln!("lexsplat: {}", plain(what))),
+        BridgeEvent::Told(what) => bar.suspend(|| note!("lexsplat: {}", plain(what))),
         BridgeEvent::Progress(counts) => bar.set_message(format!(
             "color {}  depth {}  frames {}  in the map {}  lost {}  left out {}",
             counts.colors,
@@ -142,20 +143,26 @@ fn left_out(counts: &BridgeProgress) -> u64 {
     counts.unpaired + counts.without_pose + counts.damaged + counts.dropped
 }
 
-fn print(map: &str, counts: &BridgeProgress) {
-    println!(
+fn print(map: &str, counts: &BridgeProgress) -> Result<(), OutputError> {
+    say!(
         "map {map}: {} frames, {} tracked, {} lost, {} refused",
-        counts.acknowledged, counts.tracked, counts.lost, counts.refused
-    );
+        counts.acknowledged,
+        counts.tracked,
+        counts.lost,
+        counts.refused
+    )?;
     if left_out(counts) > 0 {
-        println!(
+        say!(
             "left out: {} without depth, {} without a pose, {} damaged, {} because the map could not keep up",
-            counts.unpaired, counts.without_pose, counts.damaged, counts.dropped
-        );
+            counts.unpaired,
+            counts.without_pose,
+            counts.damaged,
+            counts.dropped
+        )?;
     }
     match counts.durable_through {
-        Some(sequence) => println!("durable through frame {sequence}"),
-        None if counts.acknowledged == 0 => {}
-        None => println!("not durable: the server has no data directory"),
+        Some(sequence) => say!("durable through frame {sequence}"),
+        None if counts.acknowledged == 0 => Ok(()),
+        None => say!("not durable: the server has no data directory"),
     }
 }

@@ -7,6 +7,7 @@ use crate::access::AccessOptions;
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
 use crate::files::make_folder;
+use crate::output::OutputError;
 use crate::sensing::Sensing;
 use crate::server::{self, Plan};
 use anyhow::{Result, bail};
@@ -181,21 +182,21 @@ fn options(arguments: &Evaluate) -> Result<Options> {
 }
 
 fn shown(arguments: &Evaluate, evaluation: &Evaluation) -> Result<()> {
-    print(&evaluation.report);
+    print(&evaluation.report)?;
     let page = write(&arguments.out, evaluation)?;
-    println!("\nreport     {}", page.display());
+    say!("\nreport     {}", page.display())?;
     Ok(())
 }
 
-fn print(report: &Report) {
+fn print(report: &Report) -> Result<(), OutputError> {
     let cells: Vec<Vec<String>> = rows(report)
         .into_iter()
         .map(|row| vec![row.what.to_owned(), row.value, row.paper])
         .collect();
     let columns = [Column::left("what"), Column::right("here"), Column::right("paper (Replica)")];
-    println!("{} on {}, networks {}\n", report.dataset, report.adapter, report.bundle);
-    print!("{}", table(&columns, &cells));
-    let Some(language) = &report.language else { return };
+    say!("{} on {}, networks {}\n", report.dataset, report.adapter, report.bundle)?;
+    say_part!("{}", table(&columns, &cells))?;
+    let Some(language) = &report.language else { return Ok(()) };
     let rows: Vec<Vec<String>> = language
         .classes
         .iter()
@@ -209,5 +210,5 @@ fn print(report: &Report) {
     let threshold = format!("IoU at {:.2}", language.bundle_threshold);
     let columns = ["class", "frames", "share", "IoU at 0.5", &threshold, "Loc", "AP"]
         .map(|name| if name == "class" { Column::left(name) } else { Column::right(name) });
-    print!("\n{}", table(&columns, &rows));
+    say_part!("\n{}", table(&columns, &rows))
 }

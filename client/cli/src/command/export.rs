@@ -1,12 +1,14 @@
 //! `lexsplat export`: saves a map as a file.
 
 use crate::access::AccessOptions;
+use crate::files::save_whole;
+use crate::output::{self, is_standard};
 use crate::waiting::{self, Waiting};
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use lexsplat_client::http::{HttpClient, MapFile};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Save a map as a file
 #[derive(clap::Args)]
@@ -38,7 +40,7 @@ pub struct Export {
     access: AccessOptions,
     #[command(flatten)]
     waiting: Waiting,
-    /// The file to write; an old one is replaced
+    /// The file to write; an old one is replaced; -: standard output
     file: PathBuf,
 }
 
@@ -85,8 +87,11 @@ pub async fn run(arguments: &Export) -> Result<()> {
     options.extend(up.clone().map(|axis| ("up", axis)));
     let MapFile { bytes, of } = download(&client, map, format.file(), &options).await?;
     waiting::note(&of);
-    save(file, &bytes)?;
-    println!("wrote {} ({:.1} MB)", file.display(), bytes.len() as f64 / 1e6);
+    if is_standard(file) {
+        return Ok(output::bytes(&bytes)?);
+    }
+    save_whole(file, &bytes)?;
+    say!("wrote {} ({:.1} MB)", file.display(), bytes.len() as f64 / 1e6)?;
     Ok(())
 }
 
@@ -105,16 +110,6 @@ async fn download(
     let file = client.export(map, name, options, progress).await;
     bar.finish_and_clear();
     Ok(file?)
-}
-
-/// Writes to a temporary file beside it first, so that the file is always complete.
-fn save(file: &Path, bytes: &[u8]) -> Result<()> {
-    let mut part = file.to_path_buf().into_os_string();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    std::fs::write(&part, bytes)
-        .and_then(|()| std::fs::rename(&part, file))
-        .with_context(|| format!("cannot write {}", file.display()))
 }
 
 #[cfg(test)]
@@ -145,19 +140,5 @@ mod tests {
         assert_eq!(up("-y").unwrap().as_deref(), Some("-y"));
         assert!(up("up").is_err());
         assert!(Line::try_parse_from(["export", "--format", "ply", "out"]).is_err(), "no map");
-    }
-
-    #[test]
-    fn files_are_whole_or_absent() {
-        let folder = std::env::temp_dir().join(format!("lexsplat-export-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let file = folder.join("map.ply");
-        save(&file, b"old").unwrap();
-        save(&file, b"new").unwrap();
-        assert_eq!(std::fs::read(&file).unwrap(), b"new");
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is left beside it");
-        let error = save(&folder.join("no/such/map.ply"), b"").unwrap_err();
-        assert!(error.to_string().contains("map.ply"), "{error}");
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

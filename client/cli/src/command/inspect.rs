@@ -31,9 +31,9 @@ pub fn run(arguments: &Inspect) -> Result<()> {
     if arguments.json {
         let mut told = serde_json::to_value(&found)?;
         told["dataset"] = spec.to_string().into();
-        println!("{told}");
+        say!("{told}")?;
     } else {
-        print!("{}", plain(&described(&spec, &found)));
+        say_part!("{}", plain(&described(&spec, &found)))?;
     }
     Ok(())
 }

@@ -1,6 +1,8 @@
 //! `lexsplat maps`: lists, describes, deletes, saves and restores the maps of a server.
 
 use crate::access::AccessOptions;
+use crate::files::part_of;
+use crate::output::{self, is_standard};
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -48,7 +50,7 @@ enum Action {
     Backup {
         /// The map
         map: String,
-        /// The file to write; an old one is replaced
+        /// The file to write; an old one is replaced; -: standard output
         file: PathBuf,
     },
     /// Put a backup in place as a new map
@@ -67,12 +69,12 @@ pub async fn run(arguments: &Maps) -> Result<()> {
         Action::Ls { json } => {
             let maps = client.maps().await?;
             match json {
-                true => println!("{}", serde_json::to_string_pretty(&maps)?),
-                false => print!("{}", listed(&maps)),
+                true => say!("{}", serde_json::to_string_pretty(&maps)?)?,
+                false => say_part!("{}", listed(&maps))?,
             }
         }
         Action::Show { map } => {
-            println!("{}", serde_json::to_string_pretty(&client.status(map).await?)?);
+            say!("{}", serde_json::to_string_pretty(&client.status(map).await?)?)?;
         }
         Action::Rm { map } => client.delete(map).await?,
         Action::Backup { map, file } => backup(&client, map, file).await?,
@@ -126,22 +128,39 @@ fn state(map: &Status) -> String {
     }
 }
 
-/// Writes to a temporary file beside it first, so that the file is always complete.
+/// Writes a file, or standard output for `-`.
 async fn backup(client: &HttpClient, map: &str, path: &Path) -> Result<()> {
-    let mut part = path.to_path_buf().into_os_string();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let cannot = || format!("cannot write {}", path.display());
-    let mut file = File::create(&part).with_context(cannot)?;
     let bar = ProgressBar::new_spinner();
     bar.set_style(ProgressStyle::with_template("{spinner} {bytes}  {bytes_per_sec}")?);
+    let done = match is_standard(path) {
+        true => {
+            let write = |part: &[u8]| -> Result<()> {
+                bar.inc(part.len() as u64);
+                Ok(output::bytes(part)?)
+            };
+            client.backup(map, write).await
+        }
+        false => backup_to(client, map, path, &bar).await,
+    };
+    bar.finish_and_clear();
+    done?;
+    if !is_standard(path) {
+        say!("wrote {} ({:.1} MB)", path.display(), bar.position() as f64 / 1e6)?;
+    }
+    Ok(())
+}
+
+/// Writes to a temporary file beside it first, so that the file is always complete.
+async fn backup_to(client: &HttpClient, map: &str, path: &Path, bar: &ProgressBar) -> Result<()> {
+    let part = part_of(path);
+    let cannot = || format!("cannot write {}", path.display());
+    let mut file = File::create(&part).with_context(cannot)?;
     let written = client
         .backup(map, |bytes| {
             bar.inc(bytes.len() as u64);
             file.write_all(bytes).with_context(cannot)
         })
         .await;
-    bar.finish_and_clear();
     let done = written
         .and_then(|()| file.sync_all().with_context(cannot))
         .and_then(|()| std::fs::rename(&part, path).with_context(cannot));
@@ -149,17 +168,15 @@ async fn backup(client: &HttpClient, map: &str, path: &Path) -> Result<()> {
         // A part of a backup is of no use. An error here is told by the one before.
         let _ = std::fs::remove_file(&part);
     }
-    done?;
-    println!("wrote {} ({:.1} MB)", path.display(), bar.position() as f64 / 1e6);
-    Ok(())
+    done
 }
 
 async fn restore(client: &HttpClient, path: &Path, map: &str) -> Result<()> {
     let file = tokio::fs::File::open(path).await;
     let file = file.with_context(|| format!("cannot read {}", path.display()))?;
     let restored = client.restore(map, file).await?;
-    restored.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    println!("map {map} is there with {} frames; the server loads it now", restored.frames);
+    restored.warnings.iter().for_each(|warning| note!("warning: {warning}"));
+    say!("map {map} is there with {} frames; the server loads it now", restored.frames)?;
     Ok(())
 }
 

@@ -11,6 +11,7 @@ pub mod maps;
 mod measure;
 pub mod query;
 mod segment;
+pub mod shell;
 pub mod stream;
 pub mod synth;
 mod versus;

@@ -6,7 +6,7 @@ use crate::access::AccessOptions;
 use crate::answer::{best_object, metres, shown};
 use crate::files::{make_folder, save, save_image};
 use crate::waiting::{self, Waiting};
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use lexsplat_client::http::{
     Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, ReadOf, View, project,
 };
@@ -17,10 +17,10 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  lexsplat query 'coffee cup' --map kitchen\n  \
                         lexsplat query 'coffee cup' --map kitchen --frame 120 --out cup\n  \
-                        lexsplat query chair table floor --map kitchen --frame 120\n  \
+                        lexsplat query 'chair, dining table, floor' --map kitchen --frame 120\n  \
                         lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool")]
 pub struct Query {
-    /// The object to find, in plain words; several texts are compared with each other
+    /// The object to find, in plain words; several texts, separated by spaces or commas, are compared with each other
     #[arg(required = true, value_name = "TEXT")]
     texts: Vec<String>,
     /// The map
@@ -61,10 +61,10 @@ const GOOD_DISTANCE_METRES: f64 = 1.8;
 
 /// Runs the command.
 pub async fn run(arguments: &Query) -> Result<()> {
-    let Query { texts, map, frame, out, http, access, json, .. } = arguments;
+    let Query { map, frame, out, http, access, json, .. } = arguments;
     let client = arguments.waiting.client(http, &access.read()?)?;
-    let question = arguments.question();
-    if texts.len() > 1 {
+    let question = arguments.question()?;
+    if question.texts.is_some() {
         let asked = segment::Asked { client: &client, map, question: &question, json: *json };
         return segment::run(&asked, out).await;
     }
@@ -73,9 +73,9 @@ pub async fn run(arguments: &Query) -> Result<()> {
     waiting::note(&ReadOf { revision, through, settled, converged });
     make_folder(out)?;
     if *json {
-        println!("{}", serde_json::to_string_pretty(&answer)?);
+        say!("{}", serde_json::to_string_pretty(&answer)?)?;
     } else {
-        print!("{}", described(&answer));
+        say_part!("{}", described(&answer))?;
     }
     if let Some(link) = &answer.points {
         save(&out.join("points.ply"), client.points_ply(link).await?)?;
@@ -89,22 +89,23 @@ pub async fn run(arguments: &Query) -> Result<()> {
                 let question = Question { view: view_of, near: None, within: None, ..question };
                 let seen = client.query(map, &question).await?;
                 pictures(&client, &seen, view.sequence, out).await?;
-                eprintln!("overlay.png shows frame {}, which sees the best object", view.sequence);
+                note!("overlay.png shows frame {}, which sees the best object", view.sequence);
             }
         }
         (None, None) => {}
     }
-    eprintln!("files are in {}", out.display());
+    note!("files are in {}", out.display());
     Ok(())
 }
 
 impl Query {
-    fn question(&self) -> Question {
-        let (text, texts) = match &self.texts[..] {
+    fn question(&self) -> Result<Question> {
+        let (text, texts) = match &self.texts()[..] {
+            [] => bail!("there is no text to look for"),
             [text] => (Some(text.clone()), None),
             several => (None, Some(several.to_vec())),
         };
-        Question {
+        Ok(Question {
             text,
             texts,
             negatives: (!self.negatives.is_empty()).then(|| self.negatives.clone()),
@@ -115,7 +116,18 @@ impl Query {
                 .within
                 .map(|[x0, y0, z0, x1, y1, z1]| Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
             ..Question::default()
+        })
+    }
+
+    /// Each text once. As on the dashboard, a comma separates texts.
+    fn texts(&self) -> Vec<String> {
+        let mut texts = Vec::<String>::new();
+        for text in self.texts.iter().flat_map(|words| words.split(',')).map(str::trim) {
+            if !text.is_empty() && texts.iter().all(|known| known != text) {
+                texts.push(text.to_owned());
+            }
         }
+        texts
     }
 }
 
@@ -250,7 +262,7 @@ mod tests {
     fn line(arguments: &[&str]) -> Result<Question, clap::Error> {
         use clap::Parser as _;
         let words = [&["query", "--map", "m"], arguments].concat();
-        Line::try_parse_from(words).map(|line| line.query.question())
+        Line::try_parse_from(words).map(|line| line.query.question().unwrap())
     }
 
     #[test]
@@ -260,6 +272,13 @@ mod tests {
         assert_eq!(one.negatives.unwrap(), ["mug"]);
         let several = line(&["cup", "sofa", "--frame", "3"]).unwrap();
         assert!(several.text.is_none() && several.texts.unwrap() == ["cup", "sofa"]);
+        for same in [&["bed, window"][..], &["bed", "window"], &[" bed,, window ,bed"]] {
+            assert_eq!(line(same).unwrap().texts.unwrap(), ["bed", "window"], "{same:?}");
+        }
+        assert_eq!(line(&["coffee cup,"]).unwrap().text.as_deref(), Some("coffee cup"));
+        let empty =
+            <Line as clap::Parser>::try_parse_from(["query", "--map", "m", " , "]).unwrap().query;
+        assert!(empty.question().is_err(), "there is nothing to ask");
         let within = line(&["cup", "--within", "0,0,0,1,2,3"]).unwrap().within.unwrap();
         assert_eq!(within.max, [1.0, 2.0, 3.0]);
         for wrong in [&[][..], &["cup", "--near", "1,2"], &["cup", "--within", "0,0,0,1,2,x"]] {

@@ -34,8 +34,8 @@ pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     waiting::note(&ReadOf { revision, through, settled, converged });
     make_folder(out)?;
     match json {
-        true => println!("{}", serde_json::to_string_pretty(&found)?),
-        false => print!("{}", described(&found)),
+        true => say!("{}", serde_json::to_string_pretty(&found)?)?,
+        false => say_part!("{}", described(&found))?,
     }
     if let Some(link) = &found.points {
         save(&out.join("points.ply"), client.points_ply(link).await?)?;
@@ -50,7 +50,7 @@ pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
         let labels = image::load_from_memory(&png).context("the server's labels")?.to_rgba8();
         save_image(&out.join("overlay.png"), &shown(&render, &labels, &found.legend))?;
     }
-    eprintln!("files are in {}", out.display());
+    note!("files are in {}", out.display());
     Ok(())
 }
 

@@ -4,6 +4,7 @@
 use crate::access::AccessOptions;
 use crate::choices::{Encoder, Poses};
 use crate::dataset::DatasetSpec;
+use crate::output::OutputError;
 use crate::progress::{progress_bar, show, tell_left_out};
 use crate::sensing::Sensing;
 use anyhow::{Result, bail};
@@ -85,9 +86,9 @@ pub async fn run(arguments: &Stream) -> Result<()> {
     let summary = summary?;
     tell_left_out(&summary);
     if arguments.json {
-        println!("{}", serde_json::to_string(&summary)?);
+        say!("{}", serde_json::to_string(&summary)?)?;
     } else {
-        print(&summary);
+        print(&summary)?;
     }
     match &summary.refusals[..] {
         [first, ..] if summary.refused == summary.sent => bail!(
@@ -101,26 +102,26 @@ pub async fn run(arguments: &Stream) -> Result<()> {
     }
 }
 
-fn print(summary: &Summary) {
+fn print(summary: &Summary) -> Result<(), OutputError> {
     let Summary { map, sent, tracked, lost, refused, .. } = summary;
     if summary.resumed_past > 0 {
-        println!("map {map}: {} frames were there already", summary.resumed_past);
+        say!("map {map}: {} frames were there already", summary.resumed_past)?;
     }
     if *sent == 0 {
-        return;
+        return Ok(());
     }
-    println!(
+    say!(
         "map {map}: {sent} frames in {:.1} s ({:.2} frames/s): {tracked} tracked, {lost} lost, \
          {refused} refused, {} keyframes",
         summary.seconds,
         summary.frames_per_second,
         summary.keyframes.len()
-    );
+    )?;
     for refusal in &summary.refusals {
-        println!("refused frame {}: {}: {}", refusal.sequence, refusal.field, refusal.reason);
+        say!("refused frame {}: {}: {}", refusal.sequence, refusal.field, refusal.reason)?;
     }
     match summary.durable_through {
-        Some(sequence) => println!("durable through frame {sequence}"),
-        None => println!("not durable: the server has no data directory"),
+        Some(sequence) => say!("durable through frame {sequence}"),
+        None => say!("not durable: the server has no data directory"),
     }
 }

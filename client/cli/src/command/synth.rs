@@ -49,6 +49,6 @@ pub fn run(arguments: &Synth) -> Result<()> {
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}")?);
     write_dataset(&arguments.dir, &*dataset, |done| bar.set_position(done as u64))?;
     bar.finish();
-    println!("wrote {} frames to {}", bar.length().unwrap_or(0), arguments.dir.display());
+    say!("wrote {} frames to {}", bar.length().unwrap_or(0), arguments.dir.display())?;
     Ok(())
 }

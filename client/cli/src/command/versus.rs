@@ -59,9 +59,9 @@ impl Turns<'_> {
             self.save(&rounds)?;
         }
         let comparison = self.comparison(&rounds);
-        println!("{}", heading(&comparison));
-        print!("{}", table(&Comparison::columns(), &comparison.rows()));
-        println!("\nreport     {}", self.out.join("versus.md").display());
+        say!("{}", heading(&comparison))?;
+        say_part!("{}", table(&Comparison::columns(), &comparison.rows()))?;
+        say!("\nreport     {}", self.out.join("versus.md").display())?;
         Ok(())
     }
 
@@ -69,7 +69,7 @@ impl Turns<'_> {
         let (program, name) = (&self.builds[build], NAMES[build]);
         let rounds = self.rounds;
         let turn = || format!("round {round} of {rounds}, {name} ({})", program.display());
-        eprintln!("{}", turn());
+        note!("{}", turn());
         let out = self.out.join(format!("{name}-{round}"));
         make_folder(&out)?;
         let plan = (self.plan)(program.clone(), out.join("server.log"));
@@ -79,7 +79,7 @@ impl Turns<'_> {
         write(&out, &evaluation)?;
         let report = evaluation.report;
         let psnr = report.psnr_db.map(|psnr| format!(", {psnr:.2} dB")).unwrap_or_default();
-        eprintln!("  {:.3} s per frame{psnr}", report.seconds_per_frame_settled);
+        note!("  {:.3} s per frame{psnr}", report.seconds_per_frame_settled);
         Ok(report)
     }
 

@@ -101,7 +101,7 @@ pub async fn run(arguments: &Demo) -> Result<()> {
         pressed = interrupted() => pressed.and_then(|()| bail!("interrupted"))?,
     }
     if arguments.keep {
-        println!("the server is up until Ctrl-C");
+        say!("the server is up until Ctrl-C")?;
         interrupted().await?;
     }
     server.stop()
@@ -112,7 +112,7 @@ async fn show_all(
     ready: &server::Ready,
     dataset: Arc<dyn Dataset>,
 ) -> Result<()> {
-    println!("server on {}, networks {}", ready.adapter, ready.bundle);
+    say!("server on {}, networks {}", ready.adapter, ready.bundle)?;
     let client = HttpClient::new(&ready.http)?;
     let map = dataset.name().to_owned();
     let options = StreamOptions {
@@ -128,7 +128,7 @@ async fn show_all(
     let status = settle(&client, &map).await?;
     let made =
         format!("{made}; {} Gaussians from {} keyframes", status.gaussians, status.keyframes);
-    println!("{made}");
+    say!("{made}")?;
 
     let asker = Asker { client: &client, map: &map, dataset: &*dataset };
     let bar = ProgressBar::new_spinner().with_message("asking");
@@ -137,16 +137,16 @@ async fn show_all(
     let asked = asker.ask_all(&arguments.dataset, &arguments.ask, on_answer).await;
     bar.finish_and_clear();
     let asked = asked?;
-    print!("\n{}", report::answers_table(&asked));
+    say_part!("\n{}", report::answers_table(&asked))?;
     if let Some(line) = report::verdicts(&asked) {
-        println!("\n{line}");
+        say!("\n{line}")?;
     }
     let pictures = pictures(&asker, &asked).await?;
     let heading = format!("{map}: {made}");
     report::write(&arguments.out, &asked, &pictures, &heading)?;
-    println!("\npictures   {}", arguments.out.join("report.md").display());
+    say!("\npictures   {}", arguments.out.join("report.md").display())?;
     let kept = if arguments.keep { "" } else { " (--keep leaves the server up)" };
-    println!("dashboard  http://{}/{kept}", ready.http);
+    say!("dashboard  http://{}/{kept}", ready.http)?;
     Ok(())
 }
 
