@@ -56,11 +56,11 @@ def main():
         difference = abs(in_view - entry["share"])
         assert difference < 1e-4, f"{in_view} of the pixels, {entry['share']} in the legend"
         print(f"{entry['text']}: {in_view:.1%} of the view, {in_map:.1%} of the map")
-    nearest = asked.query(text=texts[0], near=[0, 0, 0], threshold=0)["objects"]
-    distances = [item["distance"] for item in nearest]
+    nearest = asked.query(text=texts[0], near_metres=[0, 0, 0], threshold=0)["objects"]
+    distances = [item["distance_metres"] for item in nearest]
     assert distances == sorted(distances), distances
     if nearest:
-        centre = nearest[0]["center"]
+        centre = nearest[0]["center_metres"]
         print(f"nearest {texts[0]}: {distances[0]:.2f} m from the origin, centre {centre}")
 
 

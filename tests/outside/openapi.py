@@ -132,8 +132,8 @@ def use(address, name, frame):
     assert isinstance(labelled.parsed, models.Segmentation), labelled
     mesh = call("maps", "export_map", name, "trajectory.tum", up="map")
     assert mesh.status_code == 200 and mesh.parsed.payload.read(), mesh
-    wrong = call("maps", "export_map", name, "mesh.ply", voxel=9.0)
-    assert (wrong.status_code, wrong.parsed.field) == (400, "voxel"), wrong
+    wrong = call("maps", "export_map", name, "mesh.ply", voxel_metres=9.0)
+    assert (wrong.status_code, wrong.parsed.field) == (400, "voxel_metres"), wrong
 
     gone = call("maps", "delete_map", "generated")
     assert gone.status_code == 204, gone

@@ -219,7 +219,7 @@ async fn bad_questions_get_problems() {
         ("/v1/maps/room/render?frame=999&channel=color", 404, "999"),
         ("/v1/maps/room/render?frame=0&channel=smell", 400, "smell"),
         ("/v1/maps/room/render?frame=0&channel=color&width=100000&height=100000", 400, "width"),
-        ("/v1/maps/room/export/mesh.ply?voxel=9", 400, "voxel"),
+        ("/v1/maps/room/export/mesh.ply?voxel_metres=9", 400, "voxel_metres"),
         ("/v1/nothing", 404, "/v1/nothing"),
     ];
     for (path, status, says) in gets {

@@ -130,7 +130,8 @@ async fn answers_over_http(server: &Server, robot: &Robot, (class, frame): (&str
     assert!(space["points"]["count"].as_u64().expect("a count") > 0, "{space}");
     let objects = space["objects"].as_array().expect("objects");
     let best = objects.first().unwrap_or_else(|| panic!("no {class} in {space}"));
-    let center: [f32; 3] = serde_json::from_value(best["center"].clone()).expect("three numbers");
+    let center: [f32; 3] =
+        serde_json::from_value(best["center_metres"].clone()).expect("three numbers");
     assert!(robot.is_in(class, center), "the best {class} is at {center:?}");
     assert!(space["coverage"].as_f64().expect("a share") > 0.5, "most has language: {space}");
 }

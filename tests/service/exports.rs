@@ -14,7 +14,7 @@ async fn other_peoples_libraries_read_the_files_and_find_them_equal() {
         ("splats.glb", "splats.glb"),
         ("language.npz", "language.npz"),
         ("points.ply", "points.ply"),
-        ("mesh.ply", "mesh.ply?voxel=0.04&text=chair"),
+        ("mesh.ply", "mesh.ply?voxel_metres=0.04&text=chair"),
     ];
     server.export("files", folder.path(), &files).await;
     let mut reader = python("tests/outside/files.py", &["readers", "gsply"]);

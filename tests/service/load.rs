@@ -53,7 +53,8 @@ async fn questions_while_mapping_cost_no_frame() {
             tokio::spawn(ask(base, asker, going, answered))
         })
         .collect();
-    let mesh = tokio::spawn(reqwest::get(server.url("/v1/maps/busy/export/mesh.ply?voxel=0.05")));
+    let mesh =
+        tokio::spawn(reqwest::get(server.url("/v1/maps/busy/export/mesh.ply?voxel_metres=0.05")));
 
     // One frame is spoilt, so that a refusal would be seen.
     let mut spoilt = robot.frame(FRAMES - 1);

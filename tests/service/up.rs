@@ -68,7 +68,7 @@ async fn files_of_a_tilted_map_stand_upright() {
         ("z.ply", "splats.ply?up=z"),
         ("y.spz", "splats.spz?up=y"),
         ("y.glb", "splats.glb"),
-        ("minus_y.ply", "mesh.ply?up=-y&voxel=0.05"),
+        ("minus_y.ply", "mesh.ply?up=-y&voxel_metres=0.05"),
         ("z.tum", "trajectory.tum?up=z"),
     ];
     server.export("upright", folder.path(), &files).await;

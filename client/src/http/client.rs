@@ -252,7 +252,7 @@ impl HttpClient {
         Ok(MapFile { bytes, of })
     }
 
-    /// The map as a file such as `splats.ply`, with options such as `voxel`. `progress` gets the
+    /// The map as a file such as `splats.ply`, with options such as `voxel_metres`. `progress` gets the
     /// bytes so far and the total, if it is known.
     ///
     /// # Errors

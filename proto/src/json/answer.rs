@@ -45,7 +45,7 @@ pub struct Answer {
     /// 3D queries only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<PointsLink>,
-    /// Best first, or nearest first if the question has `near`; 3D queries only.
+    /// Best first, or nearest first if the question has `near_metres`; 3D queries only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub objects: Option<Vec<Object>>,
     pub timing_ms: Timing,
@@ -111,17 +111,21 @@ pub struct Peak {
 pub struct Object {
     pub score: f32,
     /// Centre of the oriented box.
+    #[serde(rename = "center_metres")]
     pub center: [f32; 3],
     /// Sides of the oriented box.
+    #[serde(rename = "size_metres")]
     pub size: [f32; 3],
     /// `world_from_box` of the oriented box: quaternion (w, x, y, z).
     pub rotation: [f32; 4],
+    #[serde(rename = "aabb_min_metres")]
     pub aabb_min: [f32; 3],
+    #[serde(rename = "aabb_max_metres")]
     pub aabb_max: [f32; 3],
     /// Number of points.
     pub points: usize,
-    /// From `near` to the oriented box, metres; 0 inside.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// From `near_metres` to the oriented box; 0 inside.
+    #[serde(rename = "distance_metres", skip_serializing_if = "Option::is_none")]
     pub distance: Option<f32>,
 }
 

@@ -33,13 +33,13 @@ pub struct Question {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f32>,
     /// Side of the mean filter over the heat map, pixels; 0 turns it off.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "smoothing_pixels", skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<u32>,
     /// The largest number of objects in the answer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_objects: Option<u32>,
-    /// 3D only: objects are sorted by their distance to this point (metres) and have `distance`.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// 3D only: objects are sorted by their distance to this point and have `distance_metres`.
+    #[serde(rename = "near_metres", skip_serializing_if = "Option::is_none")]
     pub near: Option<[f32; 3]>,
     /// 3D only: keep the points inside this box, and the objects with their centre inside it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -64,7 +64,9 @@ impl Question {
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
     /// The corner with the smallest coordinates.
+    #[serde(rename = "min_metres")]
     pub min: [f32; 3],
     /// The corner with the largest coordinates.
+    #[serde(rename = "max_metres")]
     pub max: [f32; 3],
 }

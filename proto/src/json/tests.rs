@@ -83,11 +83,11 @@ fn answers_in_3d() {
     let points = Some(PointsLink { count: 9, url: "/p".into() });
     let space = Answer { points, objects: Some(vec![object, near]), ..answer() };
     let object = concat!(
-        r#"{"score":0.5,"center":[1.0,2.0,3.0],"size":[1.0,1.0,1.0],"rotation":[1.0,0.0,0.0,0.0],"#,
-        r#""aabb_min":[0.0,0.0,0.0],"aabb_max":[2.0,2.0,2.0],"points":9"#
+        r#"{"score":0.5,"center_metres":[1.0,2.0,3.0],"size_metres":[1.0,1.0,1.0],"rotation":[1.0,0.0,0.0,0.0],"#,
+        r#""aabb_min_metres":[0.0,0.0,0.0],"aabb_max_metres":[2.0,2.0,2.0],"points":9"#
     );
     let json = format!(
-        r#"{ANSWER_JSON},"points":{{"count":9,"url":"/p"}},"objects":[{object}}},{object},"distance":0.5}}],"timing_ms":{TIMING_JSON}}}"#
+        r#"{ANSWER_JSON},"points":{{"count":9,"url":"/p"}},"objects":[{object}}},{object},"distance_metres":0.5}}],"timing_ms":{TIMING_JSON}}}"#
     );
     assert_json(&space, &json);
 }
@@ -231,8 +231,8 @@ fn requests() {
         ..Question::default()
     };
     let json = concat!(
-        r#"{"texts":["a","b"],"near":[1.0,2.0,3.0],"#,
-        r#""within":{"min":[0.0,0.0,0.0],"max":[1.0,1.0,1.0]}}"#
+        r#"{"texts":["a","b"],"near_metres":[1.0,2.0,3.0],"#,
+        r#""within":{"min_metres":[0.0,0.0,0.0],"max_metres":[1.0,1.0,1.0]}}"#
     );
     assert_json(&question, json);
     assert_json(&Question::in_frame("cup", 7), r#"{"text":"cup","view":{"frame":7}}"#);

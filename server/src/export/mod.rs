@@ -173,7 +173,8 @@ pub async fn file(
         Format::TrajectoryJson => |map, up| Ok(trajectory_json(&turned(map, up).trajectory)),
         Format::TrajectoryTum => |map, up| Ok(trajectory(&turned(map, up).trajectory).into_bytes()),
     };
-    let given = [("voxel", options.voxel_metres.is_some()), ("text", options.question.is_some())];
+    let given =
+        [("voxel_metres", options.voxel_metres.is_some()), ("text", options.question.is_some())];
     if let Some((field, _)) = given.into_iter().find(|(_, given)| *given) {
         return Err(ExportError::NotForFormat { field, format: format.name() });
     }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct AllOptions {
-    voxel: Option<f32>,
+    voxel_metres: Option<f32>,
     text: Option<String>,
     up: Option<String>,
     wait: Option<String>,
@@ -30,8 +30,8 @@ pub(super) struct AllOptions {
 
 impl AllOptions {
     fn split(self) -> (WaitOptions, ExportOptions) {
-        let Self { voxel, text, up, wait, min_sequence, wait_seconds } = self;
-        (WaitOptions { wait, min_sequence, wait_seconds }, ExportOptions { voxel, text, up })
+        let Self { voxel_metres, text, up, wait, min_sequence, wait_seconds } = self;
+        (WaitOptions { wait, min_sequence, wait_seconds }, ExportOptions { voxel_metres, text, up })
     }
 }
 
@@ -71,8 +71,8 @@ pub(super) async fn file(
     if let Some(file) = state.last_file.get(&snapshot, format, &options) {
         return Ok((of, respond(file, &headers, format.media_type())).into_response());
     }
-    let ExportOptions { voxel, text, up } = &options;
-    let checked = check::file_options(*voxel, text.as_deref(), up.as_deref())?;
+    let ExportOptions { voxel_metres, text, up } = &options;
+    let checked = check::file_options(*voxel_metres, text.as_deref(), up.as_deref())?;
     let data = export::file(state.engine(), &client, snapshot.clone(), format, checked).await?;
     let tagged = tokio::task::spawn_blocking(move || {
         let digest = Sha256::digest(&data);

@@ -11,7 +11,7 @@ use utoipa::IntoParams;
 #[into_params(parameter_in = Query)]
 pub(super) struct ExportOptions {
     /// mesh.ply: side of a voxel, 0.002 to 1 metre; 0.02 if absent.
-    pub(super) voxel: Option<f32>,
+    pub(super) voxel_metres: Option<f32>,
     /// mesh.ply: a text; its relevancy becomes a property of the vertices.
     pub(super) text: Option<String>,
     /// The axis of the file that points up: x, y, z, -x, -y or -z. The map is turned about its origin.

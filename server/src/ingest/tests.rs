@@ -308,7 +308,7 @@ async fn maps_and_questions_work_over_grpc() {
     };
     let nowhere = v1::QueryRequest { within: Some(upside_down), ..question.clone() };
     let status = client.query(nowhere).await.unwrap_err();
-    assert!(status.message().starts_with("within.max: "), "{status}");
+    assert!(status.message().starts_with("within.max_metres: "), "{status}");
     let bad = v1::QueryRequest { threshold: Some(3.0), ..question };
     let status = client.query(bad).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);

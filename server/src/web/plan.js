@@ -26,7 +26,7 @@ export function drawPlan(canvas, frames, objects, plane, chosen) {
   const [across, up] = AXES[name];
   const place = (frame) => [frame.world_from_camera[across * 4 + 3], frame.world_from_camera[up * 4 + 3]];
   const path = frames.map(place);
-  const corners = objects.flatMap((o) => [[o.aabb_min[across], o.aabb_min[up]], [o.aabb_max[across], o.aabb_max[up]]]);
+  const corners = objects.flatMap((o) => [[o.aabb_min_metres[across], o.aabb_min_metres[up]], [o.aabb_max_metres[across], o.aabb_max_metres[up]]]);
   const all = [...path, ...corners];
   if (all.length === 0) return;
 
@@ -79,8 +79,8 @@ function camera(context, frame, [x, y], [across, up], chosen) {
 }
 
 function box(context, object, at, pixel, [across, up]) {
-  const [left, bottom] = pixel([object.aabb_min[across], object.aabb_min[up]]);
-  const [right, top] = pixel([object.aabb_max[across], object.aabb_max[up]]);
+  const [left, bottom] = pixel([object.aabb_min_metres[across], object.aabb_min_metres[up]]);
+  const [right, top] = pixel([object.aabb_max_metres[across], object.aabb_max_metres[up]]);
   context.strokeStyle = '#f59e0b';
   context.fillStyle = at === 0 ? '#f59e0b66' : '#f59e0b26';
   context.lineWidth = 2;

@@ -102,7 +102,7 @@ function drawObjects() {
   const numbers = (list) => list.map((value) => value.toFixed(2)).join(' ');
   const rows = state.objects.map((object, at) => {
     const row = document.createElement('tr');
-    const cells = [at + 1, object.score.toFixed(2), numbers(object.center), numbers(object.size), object.points];
+    const cells = [at + 1, object.score.toFixed(2), numbers(object.center_metres), numbers(object.size_metres), object.points];
     row.append(...cells.map((cell) => element('td', cell)));
     return row;
   });

@@ -208,6 +208,7 @@ pub const CRATES: &[Declared] = &[
         folder: "client/cli/src",
         root: "main.rs",
         levels: &[
+            &["output"],
             &["files"],
             &[
                 "access", "answer", "bench", "choices", "dataset", "progress", "runtime", "server",

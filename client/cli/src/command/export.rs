@@ -82,7 +82,7 @@ pub async fn run(arguments: &Export) -> Result<()> {
     let Export { map, format, voxel, text, up, http, access, waiting, file } = arguments;
     let client = waiting.client(http, &access.read()?)?;
     let mut options = Vec::new();
-    options.extend(voxel.map(|metres| ("voxel", metres.to_string())));
+    options.extend(voxel.map(|metres| ("voxel_metres", metres.to_string())));
     options.extend(text.clone().map(|text| ("text", text)));
     options.extend(up.clone().map(|axis| ("up", axis)));
     let MapFile { bytes, of } = download(&client, map, format.file(), &options).await?;

@@ -32,11 +32,11 @@ pub(super) fn threshold(given: Option<f32>) -> Result<Option<f32>, Refusal> {
     }
 }
 
-pub(super) fn smoothing(field: &str, given: Option<u32>) -> Result<Option<u32>, Refusal> {
+pub(super) fn smoothing(given: Option<u32>) -> Result<Option<u32>, Refusal> {
     match given {
         Some(found) if found > MAX_SMOOTHING_PIXELS => {
             let reason = format!("expected 0 to {MAX_SMOOTHING_PIXELS} pixels, found {found}");
-            Err(Refusal::new(field, reason))
+            Err(Refusal::new("smoothing_pixels", reason))
         }
         good => Ok(good),
     }
@@ -47,16 +47,20 @@ pub(super) fn spatial_filter(
     within: Option<json::Bounds>,
     has_view: bool,
 ) -> Result<SpatialFilter, Refusal> {
-    let given = [("near", near.is_some()), ("within", within.is_some())];
+    let given = [("near_metres", near.is_some()), ("within", within.is_some())];
     if let Some((field, _)) = given.into_iter().find(|(_, given)| *given && has_view) {
         return Err(Refusal::new(field, "expected only in a question without a view"));
     }
-    let near = near.map(|point| finite("near", point)).transpose()?;
+    let near = near.map(|point| finite("near_metres", point)).transpose()?;
     let within = within.map(|json::Bounds { min, max }| {
-        let bounds = Bounds { min: finite("within.min", min)?, max: finite("within.max", max)? };
+        let bounds = Bounds {
+            min: finite("within.min_metres", min)?,
+            max: finite("within.max_metres", max)?,
+        };
         let ordered = (0..3).all(|axis| bounds.min[axis] <= bounds.max[axis]);
-        let reason = || format!("expected no coordinate below within.min {min:?}, found {max:?}");
-        if ordered { Ok(bounds) } else { Err(Refusal::new("within.max", reason())) }
+        let reason =
+            || format!("expected no coordinate below within.min_metres {min:?}, found {max:?}");
+        if ordered { Ok(bounds) } else { Err(Refusal::new("within.max_metres", reason())) }
     });
     Ok(SpatialFilter { near, within: within.transpose()? })
 }

@@ -26,7 +26,6 @@ impl Question {
     pub(crate) fn from_wire(request: v1::QueryRequest, limits: &Limits) -> Result<Self, Refusal> {
         Unchecked {
             view: view::from_wire(request.view, limits.max_pixels)?,
-            smoothing_field: "smoothing_pixels",
             text: request.text,
             texts: request.texts,
             negatives: request.negatives,
@@ -48,7 +47,6 @@ impl Question {
         let view = question.view.map(|view| view::from_json(view, "view.", max_pixels));
         Unchecked {
             view: view.transpose()?,
-            smoothing_field: "smoothing",
             text: question.text.unwrap_or_default(),
             texts: question.texts.unwrap_or_default(),
             negatives: question.negatives.unwrap_or_default(),
@@ -91,8 +89,6 @@ struct Unchecked {
     outputs: Vec<String>,
     threshold: Option<f32>,
     smoothing_pixels: Option<u32>,
-    /// Name of `smoothing_pixels` in the message.
-    smoothing_field: &'static str,
     max_objects: Option<u32>,
     near: Option<[f32; 3]>,
     within: Option<json::Bounds>,
@@ -117,7 +113,7 @@ impl Unchecked {
             negatives: negatives(&self.negatives)?,
             view: self.view,
             threshold: threshold(self.threshold)?,
-            smoothing_pixels: smoothing(self.smoothing_field, self.smoothing_pixels)?,
+            smoothing_pixels: smoothing(self.smoothing_pixels)?,
             max_objects,
             filter,
         })
@@ -129,7 +125,7 @@ impl Unchecked {
             ("text", !self.text.is_empty()),
             ("outputs", !self.outputs.is_empty()),
             ("max_objects", self.max_objects.is_some()),
-            ("near", self.near.is_some()),
+            ("near_metres", self.near.is_some()),
             ("within", self.within.is_some()),
         ];
         if let Some((field, _)) = only_with_one_text.into_iter().find(|(_, given)| *given) {
@@ -140,7 +136,7 @@ impl Unchecked {
             negatives: negatives(&self.negatives)?,
             view: self.view,
             threshold: threshold(self.threshold)?,
-            smoothing_pixels: smoothing(self.smoothing_field, self.smoothing_pixels)?,
+            smoothing_pixels: smoothing(self.smoothing_pixels)?,
         })
     }
 }

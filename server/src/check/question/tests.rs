@@ -5,7 +5,7 @@ use crate::pipeline::query::{MAX_NEGATIVES, MAX_TEXT_BYTES, MAX_TEXTS, Outputs};
 use nalgebra::Point3;
 
 fn plain(text: &str) -> Unchecked {
-    Unchecked { text: text.into(), smoothing_field: "smoothing", ..Unchecked::default() }
+    Unchecked { text: text.into(), ..Unchecked::default() }
 }
 
 fn field(question: Unchecked) -> String {
@@ -41,7 +41,7 @@ fn several_texts_are_another_kind_of_question() {
     assert_eq!(field(several(&["cup", "sofa", "cup "])), "texts[2]");
     assert_eq!(field(several(&["x"; MAX_TEXTS + 1])), "texts");
     assert_eq!(field(Unchecked { text: "cup".into(), ..several(&["a", "b"]) }), "text");
-    assert_eq!(field(Unchecked { near: Some([0.0; 3]), ..several(&["a", "b"]) }), "near");
+    assert_eq!(field(Unchecked { near: Some([0.0; 3]), ..several(&["a", "b"]) }), "near_metres");
     assert_eq!(
         field(Unchecked { outputs: vec!["mask".into()], ..several(&["a", "b"]) }),
         "outputs"
@@ -55,13 +55,13 @@ fn points_and_boxes_are_finite_ordered_and_only_in_3d_questions() {
     let within = |min, max| Unchecked { within: Some(json::Bounds { min, max }), ..base() };
     let query = within([0.0; 3], [1.0, 0.0, 2.0]).one().unwrap();
     assert_eq!(query.filter.within.unwrap().max, Point3::new(1.0, 0.0, 2.0));
-    assert_eq!(field(within([0.0; 3], [1.0, -0.1, 2.0])), "within.max");
-    assert_eq!(field(within([0.0, f32::NAN, 0.0], [1.0; 3])), "within.min");
+    assert_eq!(field(within([0.0; 3], [1.0, -0.1, 2.0])), "within.max_metres");
+    assert_eq!(field(within([0.0, f32::NAN, 0.0], [1.0; 3])), "within.min_metres");
     let near = Some([0.0, f32::INFINITY, 0.0]);
-    assert_eq!(field(Unchecked { near, ..base() }), "near");
+    assert_eq!(field(Unchecked { near, ..base() }), "near_metres");
     let (near, view) = (Some([0.0; 3]), Some(View::Frame(1)));
     assert_eq!(field(Unchecked { near, ..base() }), "");
-    assert_eq!(field(Unchecked { near, view, ..base() }), "near");
+    assert_eq!(field(Unchecked { near, view, ..base() }), "near_metres");
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn each_check_names_its_field() {
     {
         assert_eq!(field(Unchecked { threshold: Some(threshold), ..base() }), wanted);
     }
-    assert_eq!(field(Unchecked { smoothing_pixels: Some(513), ..base() }), "smoothing");
+    assert_eq!(field(Unchecked { smoothing_pixels: Some(513), ..base() }), "smoothing_pixels");
     assert_eq!(field(Unchecked { smoothing_pixels: Some(0), ..base() }), "");
     assert_eq!(field(Unchecked { max_objects: Some(0), ..base() }), "max_objects");
     assert_eq!(field(Unchecked { max_objects: Some(1), ..base() }), "");

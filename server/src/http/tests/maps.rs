@@ -62,21 +62,27 @@ async fn meshes_have_options() {
     let server = Server::start();
     mapped("meshed").await;
     let path = |options: &str| format!("/v1/maps/meshed/export/mesh.ply{options}");
-    let plain = server.get(&path("?voxel=0.04")).await;
+    let plain = server.get(&path("?voxel_metres=0.04")).await;
     assert_eq!(plain.status, 200, "{:?}", plain.body);
     let text = String::from_utf8_lossy(&plain.body);
     assert!(text.contains("property list uchar int vertex_indices"), "{text}");
     assert!(!text.contains("element face 0\n") && !text.contains("relevancy"), "{text}");
-    let asked = server.get(&path("?voxel=0.04&text=red+wall")).await;
+    let asked = server.get(&path("?voxel_metres=0.04&text=red+wall")).await;
     assert!(String::from_utf8_lossy(&asked.body).contains("property float relevancy\n"));
     // Another question is another file.
     assert_ne!(plain.header("etag"), asked.header("etag"));
-    let part = server.get_with(&path("?voxel=0.04&text=red+wall"), "range", "bytes=0-2").await;
+    let part =
+        server.get_with(&path("?voxel_metres=0.04&text=red+wall"), "range", "bytes=0-2").await;
     assert_eq!((part.status, &part.body[..]), (206, &b"ply"[..]));
-    for (options, field) in
-        [("?voxel=0", "voxel"), ("?voxel=NaN", "voxel"), ("?text=", "text"), ("?vxl=1", "vxl")]
-    {
+    for (options, field) in [
+        ("?voxel_metres=0", "voxel_metres"),
+        ("?voxel_metres=NaN", "voxel_metres"),
+        ("?text=", "text"),
+        ("?vxl=1", "vxl"),
+    ] {
         server.problem_get(&path(options), 400, field).await;
     }
-    server.problem_get("/v1/maps/meshed/export/splats.ply?voxel=0.1", 400, "voxel").await;
+    server
+        .problem_get("/v1/maps/meshed/export/splats.ply?voxel_metres=0.1", 400, "voxel_metres")
+        .await;
 }

@@ -27,8 +27,8 @@ async fn bad_questions_name_their_field() {
         (with("txt", json!("cup")), "txt"),
         (with("threshold", json!(1.5)), "threshold"),
         (with("threshold", json!(-0.5)), "threshold"),
-        (with("smoothing", json!(-1)), "smoothing"),
-        (with("smoothing", json!(100_000)), "smoothing"),
+        (with("smoothing_pixels", json!(-1)), "smoothing_pixels"),
+        (with("smoothing_pixels", json!(100_000)), "smoothing_pixels"),
         (with("max_objects", json!(0)), "max_objects"),
         (with("negatives", json!(["a", ""])), "negatives[1]"),
         (with("outputs", json!(["heat"])), "outputs"),
@@ -118,10 +118,10 @@ async fn several_texts_have_labels_to_fetch_and_places_are_checked() {
     assert!(String::from_utf8_lossy(&points.body).contains("property uchar label\n"));
     server.problem_get(&url.replace("points", "labels"), 404, "").await;
 
-    let near = json!({"text": "wall", "near": [0.0, 0.0, 1.0], "threshold": 0.0});
+    let near = json!({"text": "wall", "near_metres": [0.0, 0.0, 1.0], "threshold": 0.0});
     let answer = server.post(path, near.to_string()).await.json();
     for object in answer["objects"].as_array().unwrap() {
-        assert!(object["distance"].as_f64().unwrap() >= 0.0, "{object}");
+        assert!(object["distance_metres"].as_f64().unwrap() >= 0.0, "{object}");
     }
     let frame = json!({"frame": FRAME});
     for (body, field) in [
@@ -130,10 +130,13 @@ async fn several_texts_have_labels_to_fetch_and_places_are_checked() {
         (json!({"texts": ["a", "b", "a"]}), "texts[2]"),
         (json!({"texts": ["a", 3]}), "texts[1]"),
         (json!({"texts": ["a", "b"], "outputs": ["mask"]}), "outputs"),
-        (json!({"text": "a", "near": [1.0, 2.0]}), "near"),
-        (json!({"text": "a", "near": [0, 0, 0], "view": frame}), "near"),
-        (json!({"text": "a", "within": {"min": [0, 0, 0]}}), "within.max"),
-        (json!({"text": "a", "within": {"min": [1, 0, 0], "max": [0, 1, 1]}}), "within.max"),
+        (json!({"text": "a", "near_metres": [1.0, 2.0]}), "near_metres"),
+        (json!({"text": "a", "near_metres": [0, 0, 0], "view": frame}), "near_metres"),
+        (json!({"text": "a", "within": {"min_metres": [0, 0, 0]}}), "within.max_metres"),
+        (
+            json!({"text": "a", "within": {"min_metres": [1, 0, 0], "max_metres": [0, 1, 1]}}),
+            "within.max_metres",
+        ),
     ] {
         server.problem_post(path, &body, 400, field).await;
     }

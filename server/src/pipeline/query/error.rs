@@ -134,7 +134,7 @@ impl QueryError {
             Self::WrongTextCount { .. } => Some("texts"),
             Self::TooManyNegatives { .. } => Some("negatives"),
             Self::BadThreshold { .. } => Some("threshold"),
-            Self::BadVoxel { .. } | Self::MeshTooLarge { .. } => Some("voxel"),
+            Self::BadVoxel { .. } | Self::MeshTooLarge { .. } => Some("voxel_metres"),
             Self::PictureTooLarge { .. } => Some("width"),
             Self::TooMany { .. }
             | Self::Network(_)

@@ -359,7 +359,7 @@ fn a_mesh_has_codes_and_relevancies() {
     };
     assert!(mean(true) > mean(false) + 0.2, "sofa left {} right {}", mean(true), mean(false));
     let error = wait(mesh(gpu, snapshot, 0.0)).expect_err("the voxel is too small");
-    assert_eq!(error.field(), Some("voxel"));
+    assert_eq!(error.field(), Some("voxel_metres"));
 }
 
 #[test]

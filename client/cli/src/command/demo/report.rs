@@ -147,8 +147,8 @@ mod tests {
             "confidence": 0.9, "coverage": 1.0, "threshold": 0.5,
             "boxes": [{"x": 1, "y": 1, "width": 8, "height": 6, "score": 0.9}],
             "peak": {"x": 20, "y": 10, "score": 0.91},
-            "objects": [{"score": 0.8, "center": [1.0, -2.0, 0.5], "size": [1, 1, 1],
-                "rotation": [1, 0, 0, 0], "aabb_min": [0, 0, 0], "aabb_max": [1, 1, 1], "points": 9}],
+            "objects": [{"score": 0.8, "center_metres": [1.0, -2.0, 0.5], "size_metres": [1, 1, 1],
+                "rotation": [1, 0, 0, 0], "aabb_min_metres": [0, 0, 0], "aabb_max_metres": [1, 1, 1], "points": 9}],
             "timing_ms": {"text": 1, "render": 1, "decode": 1, "score": 1, "total": 4}});
         let answer: lexsplat_client::http::Answer = serde_json::from_value(answer).unwrap();
         Asked {
