@@ -10,8 +10,6 @@ use super::super::up::UpSource;
 use crate::test_support::{ROOM_CAMERA as CAMERA, per_frame_engine, ray_cast_room, tinted};
 use lexsplat_gpu::align::se3;
 use nalgebra::{Vector3, Vector6};
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
