@@ -67,7 +67,7 @@ pub struct MapperConfig {
     /// Number of newest keyframes that decide whether a frame shows something new. Half of the steps are
     /// theirs.
     pub window: usize,
-    /// One in this many color steps on a keyframe also optimises its language. A keyframe's language gets the same share of
+    /// One in this many color steps on a keyframe also optimises its language, which gets the same share of
     /// `steps_per_keyframe`, whenever it arrives.
     pub language_every: usize,
     /// Transparent Gaussians are removed every this many steps.
