@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 
 /// Version of the records. It is increased when they mean something else.
-pub const VERSION: u32 = 6;
+pub const VERSION: u32 = 7;
 
 /// Why a checkpoint cannot be written or read.
 #[derive(Debug, thiserror::Error)]

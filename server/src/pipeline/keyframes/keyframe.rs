@@ -11,6 +11,7 @@ use super::windows::{FullDepth, Grid, cut};
 use lexsplat_gpu::{Camera, ColorTarget, GpuError};
 use lexsplat_pictures::Features;
 use nalgebra::{Isometry3, Point3};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -48,12 +49,22 @@ pub(in super::super) struct Keyframe {
     pub is_connected: bool,
     /// Adam's moments of the refined pose and exposure.
     pub pose_adam: PoseAdam,
-    /// Optimiser steps taken on this keyframe.
-    pub steps: usize,
+    pub visits: Visits,
     /// Its language, once the networks are done.
     pub language: Option<KeyframeLanguage>,
     /// Some measured points in the keyframe's own camera.
     pub(super) overlap_points: Vec<Point3<f64>>,
+}
+
+/// When a keyframe was optimised against.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(in super::super) struct Visits {
+    /// Number of the map's last step that optimised its color; 0: none did.
+    pub color: usize,
+    /// Number of the map's last step that optimised its language; 0: none did.
+    pub language: usize,
+    /// Steps since then that optimised only color.
+    pub color_alone: usize,
 }
 
 /// Resolutions at which a keyframe is kept, in columns at most.
@@ -97,7 +108,7 @@ impl Keyframe {
             is_estimated: tracked.is_estimated,
             is_connected: true,
             pose_adam: PoseAdam::default(),
-            steps: 0,
+            visits: Visits::default(),
             language: None,
             overlap_points: overlap_points(&tracking),
             training,

@@ -14,7 +14,7 @@ mod surface_sample;
 mod thumbnail;
 mod windows;
 
-pub(super) use keyframe::{Keyframe, KeyframeWidths};
+pub(super) use keyframe::{Keyframe, KeyframeWidths, Visits};
 pub(super) use language::KeyframeLanguage;
 pub(super) use state::KeyframeState;
 pub(super) use surface_sample::SurfaceSample;

@@ -6,7 +6,7 @@ use super::super::frame::{Intrinsics, TrackedFrame};
 use super::super::pose_adam::PoseAdam;
 use super::super::saving::{CameraFields, packed};
 use super::super::up::Facet;
-use super::keyframe::{Keyframe, color_target};
+use super::keyframe::{Keyframe, Visits, color_target};
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
 use super::windows::FullDepth;
@@ -41,7 +41,7 @@ pub(in super::super) struct KeyframeState {
     is_estimated: bool,
     is_connected: bool,
     pose_adam: PoseAdam,
-    steps: usize,
+    visits: Visits,
     /// Error of each tile of the training image, as the last steps found it.
     #[serde(with = "packed")]
     tile_errors: Vec<f32>,
@@ -94,7 +94,7 @@ impl KeyframeState {
             is_estimated: keyframe.is_estimated,
             is_connected: keyframe.is_connected,
             pose_adam: keyframe.pose_adam.clone(),
-            steps: keyframe.steps,
+            visits: keyframe.visits,
             tile_errors: keyframe.target.tile_errors(gpu)?,
             language: keyframe.language.as_ref().map(LanguageState::of),
             overlap_points: keyframe.overlap_points.clone(),
@@ -144,7 +144,7 @@ impl KeyframeState {
             is_estimated: self.is_estimated,
             is_connected: self.is_connected,
             pose_adam: self.pose_adam,
-            steps: self.steps,
+            visits: self.visits,
             language: self.language.map(LanguageState::language).transpose()?,
             overlap_points: self.overlap_points,
         })

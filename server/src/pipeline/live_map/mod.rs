@@ -21,7 +21,7 @@ use lexsplat_gpu::{Gaussians, Gpu};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Seed of the random choice of keyframes, so that every run is the same.
+/// Seed of the random numbers, so that every run is the same.
 const SEED: u64 = 0x5eed;
 
 /// The state of one map.
@@ -38,7 +38,7 @@ pub(super) struct LiveMap {
     pub steps: StepBudget,
     /// How far the map is refined at full size.
     pub refinement: Refinement,
-    /// Chooses the keyframes that are replayed.
+    /// Chooses the order in which the map is refined.
     pub rng: ChaCha8Rng,
     /// Number of Gaussians when they were last brought into spatial order.
     pub sorted_len: usize,

@@ -1,14 +1,12 @@
-//! How many optimiser steps are due, what each optimises, and the decay of the learning rates.
+//! How many optimiser steps are due, and the decay of the learning rates.
 //!
 //! A keyframe earns its color steps when it is inserted. Its language earns steps when the networks have
-//! finished, which may be later than its last color step. While color steps are left, one in
-//! `language_every` also optimises language. Afterwards language steps are taken alone, so that slow
-//! networks cost time and not quality.
+//! finished, which may be later than its last color step. Slow networks thus cost time and not quality.
 
 use serde::{Deserialize, Serialize};
 
 /// Learning rates decay over this last share of the earned steps.
-const DECAY_SHARE: f32 = 0.25;
+const DECAY_SHARE: f32 = 0.1;
 /// The smallest factor of a decayed learning rate.
 const DECAY_FLOOR: f32 = 0.05;
 
@@ -32,7 +30,7 @@ pub(in super::super) struct StepBudget {
 }
 
 impl StepBudget {
-    /// `per_keyframe`: color steps of a keyframe. One in `language_every` steps optimises language.
+    /// `per_keyframe`: color steps of a keyframe. Its language gets one for every `language_every` of them.
     pub fn new(per_keyframe: usize, language_every: usize) -> Self {
         Self {
             per_keyframe,
@@ -62,22 +60,30 @@ impl StepBudget {
         self.color_left
     }
 
+    pub fn language_left(&self) -> usize {
+        self.language_left
+    }
+
+    /// Number of the next step, from 1.
+    pub fn next_number(&self) -> usize {
+        self.taken + 1
+    }
+
     pub fn is_empty(&self) -> bool {
         self.color_left + self.language_left == 0
     }
 
-    /// Takes the next step from the budget.
-    pub fn take(&mut self) -> Option<StepKind> {
-        if self.is_empty() {
-            return None;
-        }
+    /// Counts a step that is taken.
+    pub fn take(&mut self, kind: StepKind) {
         self.taken += 1;
-        let color = self.color_left > 0;
-        let is_language_turn = !color || self.taken.is_multiple_of(self.language_every);
-        let language = is_language_turn && self.language_left > 0;
-        self.color_left -= usize::from(color);
-        self.language_left -= usize::from(language);
-        Some(StepKind { color, language })
+        self.color_left = self.color_left.saturating_sub(usize::from(kind.color));
+        self.language_left = self.language_left.saturating_sub(usize::from(kind.language));
+    }
+
+    /// Drops the steps that are left, since nothing is there that they could optimise.
+    pub fn drop_left(&mut self) {
+        self.color_left = 0;
+        self.language_left = 0;
     }
 
     /// Whether something that happens every `every` steps is due after the last step.
@@ -103,46 +109,47 @@ mod tests {
     use super::*;
 
     const COLOR: StepKind = StepKind { color: true, language: false };
-    const BOTH: StepKind = StepKind { color: true, language: true };
     const LANGUAGE: StepKind = StepKind { color: false, language: true };
+    const BOTH: StepKind = StepKind { color: true, language: true };
 
     #[test]
     fn late_language_still_gets_its_steps() {
-        let mut steps = StepBudget::new(6, 3);
+        let mut steps = StepBudget::new(5, 3);
         steps.earn();
-        steps.earn_language();
-        let taken: Vec<StepKind> = std::iter::from_fn(|| steps.take()).collect();
-        assert_eq!(taken, [COLOR, COLOR, BOTH, COLOR, COLOR, BOTH], "in time");
-
-        steps.earn();
-        let taken: Vec<StepKind> = std::iter::from_fn(|| steps.take()).collect();
-        assert_eq!(taken, [COLOR; 6], "not there yet");
+        (0..5).for_each(|_| steps.take(COLOR));
         assert!(steps.is_empty());
         steps.earn_language();
-        assert!(!steps.is_empty());
-        let taken: Vec<StepKind> = std::iter::from_fn(|| steps.take()).collect();
-        assert_eq!(taken, [LANGUAGE; 2], "late");
+        assert_eq!((steps.color_left(), steps.language_left()), (0, 2));
+        steps.earn();
+        steps.take(BOTH);
+        assert_eq!((steps.color_left(), steps.language_left()), (4, 1));
+        steps.take(LANGUAGE);
+        assert_eq!((steps.color_left(), steps.language_left()), (4, 0));
+        assert_eq!(steps.next_number(), 8);
+        steps.drop_left();
+        assert!(steps.is_empty());
     }
 
     #[test]
     fn learning_rates_decay_over_the_last_earned_steps() {
-        let mut steps = StepBudget::new(40, 4);
+        let mut steps = StepBudget::new(100, 4);
         assert_eq!(steps.learning_rate_decay(), 1.0);
         steps.earn();
-        let decays: Vec<f32> =
-            std::iter::from_fn(|| steps.take().map(|_| steps.learning_rate_decay()))
-                .take(40)
-                .collect();
-        assert!(decays[..30].iter().all(|decay| *decay == 1.0), "{decays:?}");
-        assert!(decays[30..39].is_sorted_by(|a, b| a > b), "{decays:?}");
-        assert_eq!(decays[39], DECAY_FLOOR, "the floor is reached with the last step");
+        let mut decay = || {
+            steps.take(COLOR);
+            steps.learning_rate_decay()
+        };
+        let decays: Vec<f32> = (0..100).map(|_| decay()).collect();
+        assert!(decays[..90].iter().all(|decay| *decay == 1.0), "{decays:?}");
+        assert!(decays[90..99].is_sorted_by(|a, b| a > b), "{decays:?}");
+        assert_eq!(decays[99], DECAY_FLOOR, "the floor is reached with the last step");
         steps.earn();
         assert_eq!(steps.learning_rate_decay(), 1.0, "the next keyframe resets it");
         for _ in 0..10 {
             steps.earn();
         }
-        for _ in 0..385 {
-            steps.take();
+        for _ in 0..1045 {
+            steps.take(COLOR);
         }
         assert!(
             (steps.learning_rate_decay() - 0.5).abs() < 1e-6,

@@ -64,9 +64,10 @@ pub struct MapperConfig {
     /// While no frame waits and no step is due, the map is refined at the size at which keyframes were
     /// received, in at most this many sweeps through all of them; 0: never.
     pub refine_sweeps: usize,
-    /// Number of newest keyframes that decide whether a frame shows something new.
+    /// Number of newest keyframes that decide whether a frame shows something new. Half of the steps are
+    /// theirs.
     pub window: usize,
-    /// One in this many color steps also optimises language. A keyframe's language gets the same share of
+    /// One in this many color steps on a keyframe also optimises its language, which gets the same share of
     /// `steps_per_keyframe`, whenever it arrives.
     pub language_every: usize,
     /// Transparent Gaussians are removed every this many steps.
@@ -166,11 +167,11 @@ impl Default for MapperConfig {
             insert_backdrop: 1.25,
             max_gaussians: 400_000,
             max_keyframe_mib: 2048,
-            steps_per_keyframe: 24,
+            steps_per_keyframe: 14,
             steps_per_frame: 1,
             refine_sweeps: 20,
             window: 8,
-            language_every: 3,
+            language_every: 2,
             prune_every: 200,
             prune_opacity: 0.05,
             snapshot_seconds: 2.0,

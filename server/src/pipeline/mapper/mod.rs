@@ -12,6 +12,7 @@ mod prune;
 pub(super) mod refine;
 pub(super) mod select;
 mod step_config;
+mod turn;
 
 pub use config::{Clock, MapperConfig};
 pub use step_config::TiesConfig;

@@ -1,16 +1,13 @@
 //! One optimiser step on one keyframe (paper §4.3): color and depth, language, or both.
 
-use super::super::keyframes::{Keyframe, KeyframeStore};
+use super::super::keyframes::Keyframe;
 use super::super::live_map::{LiveMap, StepKind};
 use super::super::tracker::TrackerConfig;
 use super::config::MapperConfig;
-use super::{pose_refinement, prune};
+use super::{pose_refinement, prune, turn};
 use lexsplat_gpu::{
     Focus, Gpu, GpuError, HeadRates, LearningRates, LossWeights, Trainer, TrainingView, Youth,
 };
-use rand::Rng;
-use rand::seq::IteratorRandom as _;
-use std::cmp::Reverse;
 
 /// No Gaussian grows beyond this many times the largest one that was inserted.
 pub(super) const MAX_GROWTH: f32 = 2.0;
@@ -27,18 +24,20 @@ pub(in super::super) fn step(
     config: &MapperConfig,
     tracker_config: &TrackerConfig,
 ) -> Result<bool, GpuError> {
-    let Some(kind) = live.steps.take() else { return Ok(false) };
-    let Some(at) = draw_keyframe(&live.keyframes, &mut live.rng, kind.language) else {
+    let Some((at, kind)) = turn::next(&live.keyframes, &live.steps, config) else {
+        live.steps.drop_left();
         return Ok(false);
     };
+    let number = live.steps.next_number();
+    live.steps.take(kind);
     let keyframe = live.keyframes.at_mut(at);
-    keyframe.steps += 1;
+    turn::count(&mut keyframe.visits, kind, number);
     if let Some(language) = keyframe.language.as_mut().filter(|_| kind.language) {
         language.refresh_target(gpu, live.online.as_ref())?;
     }
     let max_scale_metres = MAX_GROWTH * live.largest_scale_metres;
     let rates = learning_rates(config, live.steps.learning_rate_decay(), max_scale_metres);
-    let view = training_view(keyframe, kind, config);
+    let view = training_view(keyframe, kind, number, config);
     trainer.step(&mut live.gaussians, &view, &loss_weights(config), &rates)?;
     if kind.color && pose_refinement::applies(&live.keyframes, at, tracker_config) {
         pose_refinement::refine(live, trainer, at, tracker_config)?;
@@ -49,28 +48,10 @@ pub(in super::super) fn step(
     Ok(true)
 }
 
-/// Chooses the keyframe of a step. Half of the steps go to a random keyframe, half to the one with the
-/// fewest steps so far, of equals the newest. New keyframes thus catch up at once, and all are replayed
-/// alike afterwards. With `needs_language` only keyframes that have language are considered.
-fn draw_keyframe(
-    keyframes: &KeyframeStore,
-    rng: &mut impl Rng,
-    needs_language: bool,
-) -> Option<usize> {
-    let candidates = keyframes.iter().enumerate();
-    let candidates =
-        candidates.filter(|(_, keyframe)| !needs_language || keyframe.language.is_some());
-    let drawn = if rng.random_bool(0.5) {
-        candidates.choose(rng)
-    } else {
-        candidates.min_by_key(|(at, keyframe)| (keyframe.steps, Reverse(*at)))
-    };
-    drawn.map(|(at, _)| at)
-}
-
 fn training_view<'a>(
     keyframe: &'a Keyframe,
     kind: StepKind,
+    number: usize,
     config: &MapperConfig,
 ) -> TrainingView<'a> {
     let language = keyframe.language.as_ref().filter(|_| kind.language);
@@ -82,7 +63,7 @@ fn training_view<'a>(
         focus: Some(Focus {
             mean_share: config.focus.mean_share,
             least_share: config.focus.least_share,
-            turn: keyframe.steps as u32,
+            turn: number as u32,
         }),
     }
 }

@@ -122,10 +122,10 @@ impl Default for FocusConfig {
 impl Default for RatesConfig {
     fn default() -> Self {
         Self {
-            mean: 7e-4,
+            mean: 1e-3,
             rotation: 2e-2,
             scale: 5e-3,
-            opacity: 0.05,
+            opacity: 0.08,
             color: 5e-3,
             language_rotation: 1e-3,
             language_scale: 1.2e-3,
