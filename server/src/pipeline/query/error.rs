@@ -15,7 +15,7 @@ pub enum QueryError {
         sequence: u64,
     },
     /// A text is empty.
-    #[error("{field}: expected a word, found nothing but white space")]
+    #[error("{field}: expected a word, found none")]
     EmptyText {
         /// `text`, `texts` or `negatives`.
         field: &'static str,

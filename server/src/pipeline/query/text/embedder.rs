@@ -1,6 +1,7 @@
 //! From texts to prompts: checks, the text tower, and a cache of its embeddings.
 
 use super::cache::EmbeddingCache;
+use super::subject::subject;
 use crate::pipeline::network::{NetworkError, RelevancySpec, TextTower};
 use crate::pipeline::query::error::QueryError;
 use crate::pipeline::query::limits::{MAX_NEGATIVES, MAX_TEXT_BYTES};
@@ -70,12 +71,12 @@ impl TextEmbedder {
     }
 }
 
-/// The text without white space around it.
+/// The name of the thing that a text asks for.
 fn checked<'a>(field: &'static str, text: &'a str) -> Result<&'a str, QueryError> {
     if text.len() > MAX_TEXT_BYTES {
         return Err(QueryError::TextTooLong { field, limit: MAX_TEXT_BYTES, found: text.len() });
     }
-    match text.trim() {
+    match subject(text) {
         "" => Err(QueryError::EmptyText { field }),
         text => Ok(text),
     }
@@ -86,9 +87,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn white_space_around_a_text_is_removed() {
+    fn a_text_has_a_length_and_asks_for_something() {
         assert_eq!(checked("text", "  coffee cup\n").unwrap(), "coffee cup");
+        assert_eq!(checked("text", "Where is the coffee cup?").unwrap(), "coffee cup");
         assert!(matches!(checked("text", "\t "), Err(QueryError::EmptyText { field: "text" })));
+        assert!(matches!(checked("text", " ? "), Err(QueryError::EmptyText { field: "text" })));
         let long = "a".repeat(MAX_TEXT_BYTES + 1);
         assert!(matches!(checked("text", &long), Err(QueryError::TextTooLong { .. })));
         assert!(checked("text", &long[1..]).is_ok());

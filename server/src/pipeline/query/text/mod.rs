@@ -2,5 +2,6 @@
 
 mod cache;
 mod embedder;
+mod subject;
 
 pub(super) use embedder::TextEmbedder;

@@ -1,0 +1,174 @@
+//! What a question asks for: "Where is the bed?" asks for "bed".
+//!
+//! Text towers learned names of things, not questions: asked "where is the bed", the tiny bundle says that no bed
+//! is there. Only English questions are known.
+
+/// Ways to ask for a thing, in front of its name.
+const OPENINGS: &[&str] = &[
+    "where is",
+    "where are",
+    "where's",
+    "where can i find",
+    "where do i find",
+    "is there",
+    "are there",
+    "can you see",
+    "do you see",
+    "can you find",
+    "could you find",
+    "can you show me",
+    "could you show me",
+    "i am looking for",
+    "i'm looking for",
+    "i need",
+    "look for",
+    "search for",
+    "find me",
+    "find",
+    "show me",
+    "show",
+    "locate",
+    "point at",
+    "point to",
+    "go to",
+    "take me to",
+    "bring me to",
+    "please",
+];
+
+/// Words behind the name in a question.
+const ENDINGS: &[&str] =
+    &["please", "in here", "around here", "here", "in this room", "in the room"];
+
+const ARTICLES: &[&str] = &["a", "an", "the", "some", "any", "my", "your", "our"];
+
+const PUNCTUATION: &[char] = &['.', ',', ';', ':', '!', '?', '…', '¡', '¿'];
+
+const QUOTES: &[[char; 2]] =
+    &[['"', '"'], ['\'', '\''], ['“', '”'], ['„', '“'], ['‘', '’'], ['«', '»'], ['`', '`']];
+
+const BRACKETS: &[[char; 2]] = &[['(', ')'], ['[', ']'], ['{', '}']];
+
+/// The name of the thing that is asked for, a part of `text`: without punctuation and brackets around it, the words
+/// of the question, and articles. What stands in quotes is taken as it is. Empty if `text` has no words.
+pub(super) fn subject(text: &str) -> &str {
+    let text = without_punctuation(text);
+    if let Some(literal) = between(text, QUOTES) {
+        return without_punctuation(literal);
+    }
+    if let Some(inside) = between(text, BRACKETS) {
+        return subject(inside);
+    }
+    let mut name = text;
+    let mut is_question = false;
+    while let Some(rest) = OPENINGS.iter().find_map(|opening| after_words(name, opening)) {
+        name = rest;
+        is_question = true;
+    }
+    while let Some(rest) = ENDINGS.iter().find_map(|ending| before_words(name, ending)) {
+        if !is_question {
+            break;
+        }
+        name = rest;
+    }
+    while let Some(rest) = ARTICLES.iter().find_map(|article| after_words(name, article)) {
+        name = rest;
+    }
+    if is_question && let Some(literal) = between(name, QUOTES) { literal.trim() } else { name }
+}
+
+fn without_punctuation(text: &str) -> &str {
+    text.trim_matches(|c: char| c.is_whitespace() || PUNCTUATION.contains(&c))
+}
+
+/// What stands between two marks of a pair that are nowhere else in the text.
+fn between<'a>(text: &'a str, pairs: &[[char; 2]]) -> Option<&'a str> {
+    pairs.iter().find_map(|[first, last]| {
+        let inside = text.strip_prefix(*first)?.strip_suffix(*last)?;
+        (!inside.contains([*first, *last]) && !inside.trim().is_empty()).then_some(inside)
+    })
+}
+
+/// What follows these words, whose case does not matter. `None` if nothing does.
+fn after_words<'a>(text: &'a str, words: &str) -> Option<&'a str> {
+    let (start, rest) = text.split_at_checked(words.len())?;
+    let is_whole = rest.starts_with(|c: char| c.is_whitespace() || PUNCTUATION.contains(&c));
+    let rest = without_punctuation(rest);
+    (start.eq_ignore_ascii_case(words) && is_whole && !rest.is_empty()).then_some(rest)
+}
+
+/// What stands before these words, whose case does not matter. `None` if nothing does.
+fn before_words<'a>(text: &'a str, words: &str) -> Option<&'a str> {
+    let (rest, end) = text.split_at_checked(text.len().checked_sub(words.len())?)?;
+    let is_whole = rest.ends_with(|c: char| c.is_whitespace() || PUNCTUATION.contains(&c));
+    let rest = without_punctuation(rest);
+    (end.eq_ignore_ascii_case(words) && is_whole && !rest.is_empty()).then_some(rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_question_asks_for_its_noun() {
+        for question in [
+            "bed",
+            " bed\n",
+            "bed?",
+            "bed!",
+            "bed,",
+            "\"bed\"",
+            "“bed”",
+            "(bed)",
+            "the bed",
+            "a bed",
+            "Where is the bed?",
+            "where is the bed",
+            "Where's my bed?!",
+            "Is there a bed in here?",
+            "Please, show me the bed.",
+            "Can you find a bed, please?",
+            "find the \"bed\"",
+            "Where is the bed, please?",
+        ] {
+            assert_eq!(subject(question), "bed", "{question}");
+        }
+        assert_eq!(subject("WHERE ARE THE COFFEE CUPS"), "COFFEE CUPS");
+        assert_eq!(
+            subject("¿Where is the red chair next to the window?"),
+            "red chair next to the window"
+        );
+    }
+
+    #[test]
+    fn names_stay_as_they_are() {
+        for name in [
+            "coffee cup",
+            "A4 paper",
+            "theatre",
+            "showcase",
+            "find",
+            "the",
+            "please",
+            "person in the room",
+            "cup (red)",
+            "5\" screen",
+            "rock 'n' roll poster",
+            "(red) cup (small)",
+            "où est le lit",
+            "いす",
+        ] {
+            assert_eq!(subject(name), name);
+        }
+        assert_eq!(subject("\"Where is the Way\""), "Where is the Way", "quotes: word by word");
+    }
+
+    #[test]
+    fn nothing_but_marks_asks_for_nothing() {
+        for text in ["", "?", " ?! ", "..."] {
+            assert_eq!(subject(text), "");
+        }
+        assert_eq!(subject("()"), "()");
+        assert_eq!(subject("the a"), "a", "something is left");
+    }
+}
