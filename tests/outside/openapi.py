@@ -74,6 +74,17 @@ def with_text_in_path(operation):
             item |= {"in": "path", "required": True}
 
 
+def shapeless(node):
+    """Schemas that say no more than "object"."""
+    if isinstance(node, list):
+        return [found for item in node for found in shapeless(item)]
+    if not isinstance(node, dict):
+        return []
+    known = {"properties", "additionalProperties", "allOf", "oneOf", "anyOf"}
+    here = [node] if node.get("type") == "object" and not known & set(node) else []
+    return here + shapeless(list(node.values()))
+
+
 def check_document(document, folder):
     """Validator and generator take the document, and no damaged one."""
     assert not errors(document), errors(document)
@@ -82,6 +93,7 @@ def check_document(document, folder):
     assert not complaints, complaints
     broken = damaged(document, with_text_in_path)
     assert generate(broken, folder / "bad"), "the generator sees nothing"
+    assert not shapeless(document), shapeless(document)
 
     for path, item in document["paths"].items():
         for method, operation in item.items():
@@ -127,6 +139,8 @@ def use(address, name, frame):
     assert picture.parsed.payload.read(8) == b"\x89PNG\r\n\x1a\n", picture
     link = urljoin(f"http://{address}/v1/maps/{name}/query", heatmap.url)
     assert OPENER.open(link).read() == picture.content
+    found = call("query", "query_map", name, body=models.Question(text="chair"))
+    assert all(len(item.center_metres) == 3 for item in found.parsed.objects), found
     question = models.Question(texts=["chair", "wall"])
     labelled = call("query", "query_map", name, body=question)
     assert isinstance(labelled.parsed, models.Segmentation), labelled

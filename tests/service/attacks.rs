@@ -17,6 +17,8 @@ const HALF_SENT_CALLS: usize = 24;
 const HALF_SENT_BYTES: usize = 40 << 20;
 /// Most memory that all of them may take: twice the limit that the server is given.
 const HALF_SENT_MOST: u64 = 2 * 128 * MIB;
+/// Longest message, bytes: the limit of all unfinished ones must not be below it.
+const MESSAGE_BYTES: &str = "67108864";
 /// Length of a color profile that half a megabyte of PNG holds.
 const PROFILE_BYTES: usize = 400 << 20;
 /// Streams that send such a picture at once.
@@ -78,6 +80,7 @@ async fn half_sent(most_unfinished: u64) -> (u64, usize) {
     let most = most_unfinished.to_string();
     let server = ServerProcess::start(&[
         ("LEXSPLAT__INGEST__MAX_UNFINISHED_BYTES", &most),
+        ("LEXSPLAT__INGEST__MAX_MESSAGE_BYTES", MESSAGE_BYTES),
         // No call ends because its opening message takes long.
         ("LEXSPLAT__INGEST__OPEN_SECONDS", "600"),
     ]);

@@ -9,6 +9,20 @@ pub fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).with_context(|| format!("cannot make {}", path.display()))
 }
 
+/// Makes a folder for an answer if it is missing, and removes the files of an earlier answer from it.
+pub fn make_answer_folder(path: &Path) -> Result<()> {
+    make_folder(path)?;
+    let files =
+        ["heatmap.png", "heatmap.npy", "labels.png", "labels.npy", "overlay.png", "points.ply"];
+    for file in files.map(|name| path.join(name)) {
+        if file.exists() {
+            std::fs::remove_file(&file)
+                .with_context(|| format!("cannot remove {}", file.display()))?;
+        }
+    }
+    Ok(())
+}
+
 /// Writes a file.
 pub fn save(path: &Path, bytes: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))

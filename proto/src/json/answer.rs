@@ -47,6 +47,7 @@ pub struct Answer {
     pub points: Option<PointsLink>,
     /// Best first, or nearest first if the question has `near_metres`; 3D queries only.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<FoundObject>>))]
     pub objects: Option<Vec<Object>>,
     pub timing_ms: Timing,
 }
@@ -107,7 +108,7 @@ pub struct Peak {
 
 /// An object in 3D with an oriented and an axis-aligned box, metres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = FoundObject))]
 pub struct Object {
     pub score: f32,
     /// Centre of the oriented box.
@@ -128,6 +129,10 @@ pub struct Object {
     #[serde(rename = "distance_metres", skip_serializing_if = "Option::is_none")]
     pub distance: Option<f32>,
 }
+
+/// The name of [`Object`] in the OpenAPI document, where that word means any object.
+#[cfg(feature = "schema")]
+type FoundObject = Object;
 
 /// Time spent on an answer, milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -61,9 +61,19 @@ function choose(sequence) {
   state.chosen = sequence;
   clearAnswer();
   drawStrip();
-  $('strip').querySelector('.chosen')?.scrollIntoView({ block: 'nearest', inline: 'nearest' });
+  showChosen($('strip'));
   drawPicture();
   drawPlanNow();
+}
+
+// Scrolls the strip alone: scrollIntoView would scroll the page, too.
+function showChosen(strip) {
+  const chosen = strip.querySelector('.chosen');
+  if (!chosen) return;
+  const left = chosen.getBoundingClientRect().left - strip.getBoundingClientRect().left + strip.scrollLeft;
+  const right = left + chosen.offsetWidth;
+  if (left < strip.scrollLeft) strip.scrollLeft = left;
+  if (right > strip.scrollLeft + strip.clientWidth) strip.scrollLeft = right - strip.clientWidth;
 }
 
 export function step(by) {

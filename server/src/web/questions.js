@@ -9,11 +9,14 @@ const UNSEEN_COVERAGE = 0.05;
 
 const post = (body) => json(api('/query'), { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
 
+// A comma between texts, which is not in quotes.
+const COMMA = /,(?=(?:[^"“”]*["“”][^"“”]*["“”])*[^"“”]*$)/;
+
 // Asks a question. Several texts, separated by commas, are compared with each other.
 export async function ask(text) {
   const number = ++state.asked;
   const { map } = state;
-  const texts = [...new Set(text.split(',').map((word) => word.trim()).filter(Boolean))];
+  const texts = [...new Set(text.split(COMMA).map((word) => word.trim()).filter(Boolean))];
   if (!map || texts.length === 0) return;
   $('ask').classList.add('busy');
   show(null);

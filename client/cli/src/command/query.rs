@@ -4,7 +4,7 @@
 use super::segment;
 use crate::access::AccessOptions;
 use crate::answer::{best_object, metres, shown};
-use crate::files::{make_folder, save, save_image};
+use crate::files::{make_answer_folder, save, save_image};
 use crate::waiting::{self, Waiting};
 use anyhow::{Context as _, Result, bail};
 use lexsplat_client::http::{
@@ -71,7 +71,7 @@ pub async fn run(arguments: &Query) -> Result<()> {
     let answer = waiting::shown(client.query(map, &question)).await?;
     let Answer { revision, through, settled, converged, .. } = answer;
     waiting::note(&ReadOf { revision, through, settled, converged });
-    make_folder(out)?;
+    make_answer_folder(out)?;
     if *json {
         say!("{}", serde_json::to_string_pretty(&answer)?)?;
     } else {
@@ -119,16 +119,25 @@ impl Query {
         })
     }
 
-    /// Each text once. As on the dashboard, a comma separates texts.
+    /// Each text once. As on the dashboard, a comma that is not in quotes separates texts.
     fn texts(&self) -> Vec<String> {
         let mut texts = Vec::<String>::new();
-        for text in self.texts.iter().flat_map(|words| words.split(',')).map(str::trim) {
+        for text in self.texts.iter().flat_map(|words| split_at_commas(words)).map(str::trim) {
             if !text.is_empty() && texts.iter().all(|known| known != text) {
                 texts.push(text.to_owned());
             }
         }
         texts
     }
+}
+
+/// Parts of a text between commas that are not in quotes.
+fn split_at_commas(text: &str) -> impl Iterator<Item = &str> {
+    let mut is_quoted = false;
+    text.split(move |letter| {
+        is_quoted ^= matches!(letter, '"' | '“' | '”');
+        letter == ',' && !is_quoted
+    })
 }
 
 /// `N` numbers, separated by commas.
@@ -236,6 +245,14 @@ mod tests {
         let fields = extra.as_object().unwrap().clone();
         value.as_object_mut().unwrap().extend(fields);
         serde_json::from_value(value).unwrap()
+    }
+
+    #[test]
+    fn commas_separate_texts_unless_they_are_in_quotes() {
+        let parts = |text| split_at_commas(text).collect::<Vec<_>>();
+        assert_eq!(parts("bed, window"), ["bed", " window"]);
+        assert_eq!(parts("\"bed, window\", door"), ["\"bed, window\"", " door"]);
+        assert_eq!(parts("“1,5 m table”"), ["“1,5 m table”"]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! the legend; writes labels.png, labels.npy and overlay.png of a view, or points.ply of the whole
 //! map.
 
-use crate::files::{make_folder, save, save_image};
+use crate::files::{make_answer_folder, save, save_image};
 use crate::waiting;
 use anyhow::{Context as _, Result};
 use image::RgbImage;
@@ -32,7 +32,7 @@ pub async fn run(asked: &Asked<'_>, out: &Path) -> Result<()> {
     let found = waiting::shown(client.segment(map, question)).await?;
     let Segmentation { revision, through, settled, converged, .. } = found;
     waiting::note(&ReadOf { revision, through, settled, converged });
-    make_folder(out)?;
+    make_answer_folder(out)?;
     match json {
         true => say!("{}", serde_json::to_string_pretty(&found)?)?,
         false => say_part!("{}", described(&found))?,

@@ -8,6 +8,12 @@ const OPENINGS: &[&str] = &[
     "where is",
     "where are",
     "where's",
+    "wheres",
+    "where did i leave",
+    "where did i put",
+    "which one is",
+    "how many",
+    "have you seen",
     "where can i find",
     "where do i find",
     "is there",
@@ -38,7 +44,7 @@ const OPENINGS: &[&str] = &[
 
 /// Words behind the name in a question.
 const ENDINGS: &[&str] =
-    &["please", "in here", "around here", "here", "in this room", "in the room"];
+    &["please", "are there", "in here", "around here", "here", "in this room", "in the room"];
 
 const ARTICLES: &[&str] = &["a", "an", "the", "some", "any", "my", "your", "our"];
 
@@ -53,6 +59,9 @@ const BRACKETS: &[[char; 2]] = &[['(', ')'], ['[', ']'], ['{', '}']];
 /// of the question, and articles. What stands in quotes is taken as it is. Empty if `text` has no words.
 pub(super) fn subject(text: &str) -> &str {
     let text = without_punctuation(text);
+    if !text.contains(is_word) {
+        return "";
+    }
     if let Some(literal) = between(text, QUOTES) {
         return without_punctuation(literal);
     }
@@ -75,6 +84,14 @@ pub(super) fn subject(text: &str) -> &str {
         name = rest;
     }
     if is_question && let Some(literal) = between(name, QUOTES) { literal.trim() } else { name }
+}
+
+/// Whether this is more than a mark. Symbols such as ☕ are words.
+fn is_word(letter: char) -> bool {
+    let marks = QUOTES.iter().chain(BRACKETS).flatten().chain(PUNCTUATION);
+    !letter.is_whitespace()
+        && !"-–_/".contains(letter)
+        && marks.into_iter().all(|mark| *mark != letter)
 }
 
 fn without_punctuation(text: &str) -> &str {
@@ -130,6 +147,7 @@ mod tests {
             "Can you find a bed, please?",
             "find the \"bed\"",
             "Where is the bed, please?",
+            "Where did I leave my bed?",
         ] {
             assert_eq!(subject(question), "bed", "{question}");
         }
@@ -165,10 +183,10 @@ mod tests {
 
     #[test]
     fn nothing_but_marks_asks_for_nothing() {
-        for text in ["", "?", " ?! ", "..."] {
+        for text in ["", "?", " ?! ", "...", "()", "\"\"", "«»", "-"] {
             assert_eq!(subject(text), "");
         }
-        assert_eq!(subject("()"), "()");
+        assert_eq!(subject("☕"), "☕");
         assert_eq!(subject("the a"), "a", "something is left");
     }
 }
