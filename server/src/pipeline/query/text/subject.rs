@@ -8,7 +8,6 @@ const OPENINGS: &[&str] = &[
     "where is",
     "where are",
     "where's",
-    "wheres",
     "where did i leave",
     "where did i put",
     "which one is",
