@@ -26,8 +26,8 @@ test: lint ## Lints, and every test
 	cargo test --workspace
 	$(call on_swiftshader,$(SWIFTSHADER_SLICE))
 
-# Proofs of kernels on a second driver, which rounds and schedules differently from llvmpipe and has subgroups of 4.
-# With PROOF_ADAPTER they fail on any other.
+# Proofs of kernels on a second driver, which rounds and schedules differently from llvmpipe and has
+# subgroups of 4. With PROOF_ADAPTER they fail on any other.
 SWIFTSHADER = $(CURDIR)/.deps/swiftshader/vk_swiftshader_icd.json
 SWIFTSHADER_SLICE = primitives:: align:: normal_system:: pyramid:: optimiser:: golden:: map::morton:: map::prune:: \
   bands::bands_change_no_bit_of_steps

@@ -4,8 +4,9 @@
 #
 #   deploy/gpu-bench.sh [--small] [FOLDER]
 #
-# FOLDER (gpu-bench-out) gets the output as report.txt, and what the parts wrote. --small takes a few minutes on a
-# software driver: small scenes, the build of `make test`. It shows that the script works, not how fast a GPU is.
+# FOLDER (gpu-bench-out) gets the output as report.txt, and what the parts wrote. --small takes a few
+# minutes on a software driver: small scenes, the build of `make test`. It shows that the script works, not
+# how fast a GPU is.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export NODEVICE_SELECT=1 # Mesa's device selection layer complains where there is no display
@@ -52,8 +53,8 @@ gsplat() {
   fi
 }
 
-# Everything on: estimated poses, loops closed, language of each keyframe, questions; all steps done before the next
-# frame, at the camera's full width.
+# Everything on: estimated poses, loops closed, language of each keyframe, questions; all steps done before
+# the next frame, at the camera's full width.
 end_to_end() {
   title "end to end, $frames frames of ${width}x$height"
   "$programs/lexsplat" synth --frames $frames --width $width --height $height "$out/room"

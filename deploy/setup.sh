@@ -137,8 +137,8 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/client/grpcio-1.80.0.dist-info ]; then
     'hatchling==1.33.0' 'pytest==9.2.0' 'pillow>=11,<14' 'rerun-sdk>=0.23,<0.42'
 fi
 
-# SwiftShader, a second software driver for the tests of kernels. Debian has it in a package of Chromium; of its
-# 32 MB only the driver is unpacked (5 MB), and nothing is installed.
+# SwiftShader, a second software driver for the tests of kernels. Debian has it in a package of Chromium; of
+# its 32 MB only the driver is unpacked (5 MB), and nothing is installed.
 swiftshader=.deps/swiftshader
 unpack_swiftshader() (
   cd "$swiftshader.partial"

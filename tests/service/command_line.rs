@@ -1,4 +1,5 @@
-//! The command `lexsplat` as a part of pipes: readers that leave, files on standard output, words with commas.
+//! The command `lexsplat` as a part of pipes: readers that leave, files on standard output, words with
+//! commas.
 
 use lexsplat_tests::{Robot, Server, program, tiny_config};
 use serde_json::Value;

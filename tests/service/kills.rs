@@ -1,6 +1,6 @@
-//! A server process that is killed while a robot sends frames, round after round. Between two rounds its files
-//! are damaged as a crash or a bad disk does it. Frames that were acknowledged as durable stay as they were,
-//! and damage is told.
+//! A server process that is killed while a robot sends frames, round after round. Between two rounds its
+//! files are damaged as a crash or a bad disk does it. Frames that were acknowledged as durable stay as
+//! they were, and damage is told.
 
 use foxglove::messages::RawImage;
 use lexsplat_proto::v1::mapping_client::MappingClient;

@@ -9,8 +9,8 @@ use std::time::Duration;
 const WIDTH: u32 = 600;
 const HEIGHT: u32 = 340;
 const PIXELS: usize = (WIDTH * HEIGHT) as usize;
-/// Keyframes before memory is looked at: buffers and the driver's caches have their size by then. As many come
-/// at once as later, so that as many frames wait in the server.
+/// Keyframes before memory is looked at: buffers and the driver's caches have their size by then. As many
+/// come at once as later, so that as many frames wait in the server.
 const WARM_UP: u64 = 30;
 /// Keyframes between the two looks.
 const MEASURED: u64 = 30;

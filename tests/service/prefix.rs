@@ -1,4 +1,5 @@
-//! A server that a reverse proxy shows below a path, which it takes away: page, links and the client's addresses.
+//! A server that a reverse proxy shows below a path, which it takes away: page, links and the client's
+//! addresses.
 
 use lexsplat_client::http::{HttpClient, HttpError, Question, View};
 use lexsplat_tests::{Robot, Server, tiny_config};

@@ -1,5 +1,5 @@
-//! What the integration tests share: a server in this process with real listeners, a robot in a
-//! synthetic room, and what is true of that room; bundles of networks that are made on the spot; and Python with the
+//! What the integration tests share: a server in this process with real listeners, a robot in a synthetic
+//! room, and what is true of that room; bundles of networks that are made on the spot; and Python with the
 //! libraries of others.
 
 mod authority;

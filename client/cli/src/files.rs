@@ -9,12 +9,11 @@ pub fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).with_context(|| format!("cannot make {}", path.display()))
 }
 
-/// Makes a folder for an answer if it is missing, and removes the files of an earlier answer from it.
+/// Makes a folder for an answer if it is missing, and removes the pictures of an earlier answer from it.
 pub fn make_answer_folder(path: &Path) -> Result<()> {
     make_folder(path)?;
-    let files =
-        ["heatmap.png", "heatmap.npy", "labels.png", "labels.npy", "overlay.png", "points.ply"];
-    for file in files.map(|name| path.join(name)) {
+    let pictures = ["heatmap.png", "heatmap.npy", "labels.png", "labels.npy", "overlay.png"];
+    for file in pictures.map(|name| path.join(name)) {
         if file.exists() {
             std::fs::remove_file(&file)
                 .with_context(|| format!("cannot remove {}", file.display()))?;
@@ -66,6 +65,18 @@ mod tests {
     #[test]
     fn no_control_character_reaches_the_terminal() {
         assert_eq!(plain("/camera\u{1b}[31m/é\r\n"), "/camera\\u{1b}[31m/é\\r\n");
+    }
+
+    #[test]
+    fn an_answer_has_no_pictures_of_an_earlier_one() {
+        let folder = std::env::temp_dir().join(format!("lexsplat-answer-{}", std::process::id()));
+        make_answer_folder(&folder).unwrap();
+        save(&folder.join("overlay.png"), b"old").unwrap();
+        save(&folder.join("mine.png"), b"mine").unwrap();
+        make_answer_folder(&folder).unwrap();
+        let left: Vec<_> = std::fs::read_dir(&folder).unwrap().collect();
+        assert_eq!(left.len(), 1, "only the other's file: {left:?}");
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What commands say: results on standard output, notes on standard error.
 //!
-//! Whoever reads may stop before everything is said (`lexsplat maps ls | head -1`). Then a command ends, and no
-//! panic does: servers that it started are stopped. Results are said by `say!` and `say_part!`, which can fail;
-//! notes by `note!`, which does not matter if nobody reads it.
+//! Whoever reads may stop before everything is said (`lexsplat maps ls | head -1`). Then a command ends,
+//! and no panic does: servers that it started are stopped. Results are said by `say!` and `say_part!`,
+//! which can fail; notes by `note!`, which does not matter if nobody reads it.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write as _};

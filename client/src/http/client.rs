@@ -30,8 +30,8 @@ const LOADING: Duration = Duration::from_secs(600);
 const RETRY: Duration = Duration::from_secs(1);
 
 impl HttpClient {
-    /// The server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`, with a path where a proxy shows it below
-    /// one; connects when first asked.
+    /// The server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`, with a path where a proxy
+    /// shows it below one; connects when first asked.
     ///
     /// # Errors
     /// [`HttpError::Address`].

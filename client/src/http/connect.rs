@@ -5,8 +5,8 @@ use crate::access::{Access, AccessError, Identity, innermost};
 use reqwest::header::{HeaderMap, HeaderValue};
 use reqwest::{Url, header};
 
-/// The address of the server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`; a path behind it is where a
-/// proxy shows the server.
+/// The address of the server at `HOST:PORT`, `http://HOST:PORT` or `https://HOST:PORT`; a path behind it is
+/// where a proxy shows the server.
 pub(super) fn base(address: &str) -> Result<Url, HttpError> {
     let wrong = || HttpError::Address { found: address.into() };
     let url = if address.contains("://") { address.into() } else { format!("http://{address}") };

@@ -1,8 +1,8 @@
 //! The links of an answer, made whole addresses.
 //!
-//! The server names parts of an answer relative to the address that was asked, since it does not know below which path
-//! a proxy shows it. In: an answer and the address of its question. Out: the same answer, whose links can be followed
-//! as they are. A link to another server is refused: the token would go there.
+//! The server names parts of an answer relative to the address that was asked, since it does not know below
+//! which path a proxy shows it. In: an answer and the address of its question. Out: the same answer, whose
+//! links can be followed as they are. A link to another server is refused: the token would go there.
 
 use lexsplat_proto::json::{Answer, Segmentation};
 use reqwest::Url;

@@ -275,7 +275,8 @@ async fn bridged(port: &str, seconds: f64) -> (Result<BridgeProgress, BridgeErro
     (ended, told)
 }
 
-/// Answers every connection so, after it has read the request; a WebSocket without a protocol if with nothing.
+/// Answers every connection so, after it has read the request; a WebSocket without a protocol if with
+/// nothing.
 async fn answering(answer: &'static str) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let port = listener.local_addr().unwrap().to_string();

@@ -158,8 +158,8 @@ fn a_step_out_of_the_scene_is_not_taken() {
     assert!((moved - 0.1).abs() < 1e-4, "{moved}");
 }
 
-/// A robust cost that curves half as much as its system says: each step goes half the way. After two steps that
-/// is known.
+/// A robust cost that curves half as much as its system says: each step goes half the way. After two steps
+/// that is known.
 #[test]
 fn steps_that_a_robust_cost_makes_too_short_are_stretched() {
     let wanted = 0.05;

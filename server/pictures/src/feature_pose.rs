@@ -74,8 +74,8 @@ impl FeaturePose {
     }
 }
 
-/// The motion of three pairs that most pairs agree with. Enough triples are tried for one of three right pairs to
-/// be almost certainly among them.
+/// The motion of three pairs that most pairs agree with. Enough triples are tried for one of three right
+/// pairs to be almost certainly among them.
 fn most_agreed(pairs: &[Pair]) -> Option<Isometry3<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let mut best: Option<(usize, Isometry3<f64>)> = None;

@@ -1,7 +1,8 @@
 //! **Pictures**: what is computed for every pixel of color and depth on the host.
 //!
-//! In: color and depth of one size, row by row. Out: smaller pictures, depth with its thin gaps closed, corners
-//! with descriptors, their matches between two pictures, and the motion that most of them agree with.
+//! In: color and depth of one size, row by row. Out: smaller pictures, depth with its thin gaps closed,
+//! corners with descriptors, their matches between two pictures, and the motion that most of them agree
+//! with.
 //!
 //! It is a package of its own because it computes for every pixel: it is optimised in each profile.
 

@@ -9,8 +9,8 @@ use crate::picture::Picture;
 const SAME_SURFACE: f32 = 0.02;
 
 /// The picture made smaller by `factor`: its width and height, `[height * width * 3]` of color and
-/// `[height * width]` of depth. Rows and columns at the border that do not fill a whole block are left out; one
-/// row or column is left at least.
+/// `[height * width]` of depth. Rows and columns at the border that do not fill a whole block are left out;
+/// one row or column is left at least.
 pub fn smaller(picture: &Picture<'_>, factor: usize) -> ([usize; 2], Vec<u8>, Vec<f32>) {
     let Picture { width: stride, rgb: full, depth_metres: depths, .. } = *picture;
     let columns = factor.min(picture.width);

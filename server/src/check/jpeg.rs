@@ -4,10 +4,10 @@
 //!
 //! - A decoder fills the missing part of a truncated picture with grey. So the markers are followed up to the
 //!   end marker, and a picture without one is refused.
-//! - Behind the end marker there may be anything: padding, a line end of a multipart stream, a phone's trailer,
-//!   the rest of a longer picture in a driver's buffer. It is left out.
-//! - Frames of a camera's MJPG stream leave out the Huffman tables: those of the standard are meant (ITU T.81,
-//!   annex K.3). They are put in.
+//! - Behind the end marker there may be anything: padding, a line end of a multipart stream, a phone's
+//!   trailer, the rest of a longer picture in a driver's buffer. It is left out.
+//! - Frames of a camera's MJPG stream leave out the Huffman tables: those of the standard are meant (ITU
+//!   T.81, annex K.3). They are put in.
 
 use std::borrow::Cow;
 

@@ -1,7 +1,8 @@
-//! Parts of the OpenAPI document that the handlers do not write: files, and the errors that many routes share.
+//! Parts of the OpenAPI document that the handlers do not write: files, and the errors that many routes
+//! share.
 //!
-//! The errors follow from what is known of a route otherwise: who may use it (`access/rules.rs`), whether it has a
-//! body, whether it is about one map. An annotation of the handler comes first.
+//! The errors follow from what is known of a route otherwise: who may use it (`access/rules.rs`), whether
+//! it has a body, whether it is about one map. An annotation of the handler comes first.
 
 use crate::access::rules::{self, Need};
 use lexsplat_proto::json;

@@ -98,8 +98,8 @@ pub(super) fn rows(transform: &Isometry3<f64>) -> [f64; 16] {
     std::array::from_fn(|at| matrix[(at / 4, at % 4)])
 }
 
-/// Address of a part of an answer, relative to that of the question, `…/v1/maps/{name}/query`: a proxy may show the
-/// server below a path that the server does not know.
+/// Address of a part of an answer, relative to that of the question, `…/v1/maps/{name}/query`: a proxy may
+/// show the server below a path that the server does not know.
 fn link(query_id: &str, part: &str) -> String {
     format!("queries/{query_id}/{part}")
 }

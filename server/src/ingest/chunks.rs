@@ -1,7 +1,7 @@
 //! Answers of any size: cut into chunks, or made to fit into one message.
 //!
-//! In: a file, or a whole answer. Out: a stream of chunks, each far below the 4 MiB that gRPC clients take if nobody
-//! says otherwise; or the answer without the arrays for which one such message has no room.
+//! In: a file, or a whole answer. Out: a stream of chunks, each far below the 4 MiB that gRPC clients take
+//! if nobody says otherwise; or the answer without the arrays for which one such message has no room.
 
 use lexsplat_proto::v1;
 use prost::Message as _;
@@ -35,7 +35,8 @@ pub(super) fn chunks(bytes: impl Into<Bytes>) -> Chunks {
     ReceiverStream::new(stream)
 }
 
-/// The answer with as many of its arrays as one message has room for: the largest are left out first, and named.
+/// The answer with as many of its arrays as one message has room for: the largest are left out first, and
+/// named.
 pub(super) fn fitting(mut response: v1::QueryResponse) -> v1::QueryResponse {
     while response.encoded_len() > MESSAGE_BYTES {
         let largest = sizes(&response).into_iter().max_by_key(|(_, bytes)| *bytes);

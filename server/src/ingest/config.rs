@@ -13,8 +13,8 @@ const MAX_MESSAGE_BYTES: usize = 1 << 29;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IngestConfig {
-    /// The longest gRPC message, bytes; a longer one ends its stream. The largest frame of `max_pixels` has 9 bytes a
-    /// pixel: raw color, depth as float32, and labels.
+    /// The longest gRPC message, bytes; a longer one ends its stream. The largest frame of `max_pixels` has
+    /// 9 bytes a pixel: raw color, depth as float32, and labels.
     pub max_message_bytes: usize,
     /// Bytes that messages may have together before they are complete; above it the call with the most ends.
     pub max_unfinished_bytes: usize,

@@ -264,8 +264,8 @@ impl Engine {
     /// future cancels it.
     ///
     /// # Errors
-    /// [`QueryError`] names what is wrong with the voxel or the question; [`QueryError::TooMany`] if the client
-    /// waits for too many meshes already.
+    /// [`QueryError`] names what is wrong with the voxel or the question; [`QueryError::TooMany`] if the
+    /// client waits for too many meshes already.
     pub async fn mesh(
         &self,
         client: &Client,

@@ -20,7 +20,8 @@ use std::path::{Path, PathBuf};
                         lexsplat query 'chair, dining table, floor' --map kitchen --frame 120\n  \
                         lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool")]
 pub struct Query {
-    /// The object to find, in plain words; several texts, separated by spaces or commas, are compared with each other
+    /// The object to find, in plain words; several texts, separated by spaces or commas, are compared with
+    /// each other
     #[arg(required = true, value_name = "TEXT")]
     texts: Vec<String>,
     /// The map

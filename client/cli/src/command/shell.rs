@@ -1,5 +1,5 @@
-//! `lexsplat completions` and `lexsplat man`: what shells and `man` want to know of the command line. Both are
-//! written from its definition.
+//! `lexsplat completions` and `lexsplat man`: what shells and `man` want to know of the command line. Both
+//! are written from its definition.
 
 use crate::files::{make_folder, save};
 use crate::output::{self, is_standard};
@@ -26,7 +26,8 @@ pub struct Completions {
                         lexsplat man - | man -l -"
 )]
 pub struct Man {
-    /// Folder for lexsplat.1, lexsplat-query.1 and so on, made if missing; -: the first page on standard output
+    /// Folder for lexsplat.1, lexsplat-query.1 and so on, made if missing; -: the first page on standard
+    /// output
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }

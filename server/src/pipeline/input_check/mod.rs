@@ -5,8 +5,8 @@
 //! the color image (`registration.rs`), and whether depths are of a size that a room can have. Each check
 //! tries the usual mistakes, and speaks only if one of them explains nearly all frames far better than what
 //! was sent. Depth that repeats while color changes is looked for as long as the stream goes on
-//! (`repeated_depth.rs`), and a stream without any depth is told of. The checks refuse nothing and do not touch
-//! the map.
+//! (`repeated_depth.rs`), and a stream without any depth is told of. The checks refuse nothing and do not
+//! touch the map.
 
 mod edges;
 mod fit;

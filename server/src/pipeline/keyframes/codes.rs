@@ -1,4 +1,5 @@
-//! The 32-D codes of an image, in half precision. Codes of labels are few different ones, which are kept once.
+//! The 32-D codes of an image, in half precision. Codes of labels are few different ones, which are kept
+//! once.
 
 use super::super::compressor::GENERIC_SIZE;
 use half::f16;

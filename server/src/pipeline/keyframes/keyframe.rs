@@ -7,11 +7,11 @@ use super::super::pose_adam::PoseAdam;
 use super::super::up::Facet;
 use super::language::KeyframeLanguage;
 use super::thumbnail::Thumbnail;
+use super::visits::Visits;
 use super::windows::{FullDepth, Grid, cut};
 use lexsplat_gpu::{Camera, ColorTarget, GpuError};
 use lexsplat_pictures::Features;
 use nalgebra::{Isometry3, Point3};
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -54,17 +54,6 @@ pub(in super::super) struct Keyframe {
     pub language: Option<KeyframeLanguage>,
     /// Some measured points in the keyframe's own camera.
     pub(super) overlap_points: Vec<Point3<f64>>,
-}
-
-/// When a keyframe was optimised against.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(in super::super) struct Visits {
-    /// Number of the map's last step that optimised its color; 0: none did.
-    pub color: usize,
-    /// Number of the map's last step that optimised its language; 0: none did.
-    pub language: usize,
-    /// Steps since then that optimised only color.
-    pub color_alone: usize,
 }
 
 /// Resolutions at which a keyframe is kept, in columns at most.

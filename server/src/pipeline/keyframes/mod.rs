@@ -12,13 +12,15 @@ mod language;
 mod state;
 mod surface_sample;
 mod thumbnail;
+mod visits;
 mod windows;
 
-pub(super) use keyframe::{Keyframe, KeyframeWidths, Visits};
+pub(super) use keyframe::{Keyframe, KeyframeWidths};
 pub(super) use language::KeyframeLanguage;
 pub(super) use state::KeyframeState;
 pub(super) use surface_sample::SurfaceSample;
 pub(super) use thumbnail::Thumbnail;
+pub(super) use visits::{StepKind, Visits};
 
 use super::frame::TrackedFrame;
 use lexsplat_gpu::Camera;

@@ -10,7 +10,7 @@ mod trajectory;
 
 pub(super) use refinement::{Refinement, Window};
 pub(super) use state::LiveState;
-pub(super) use step_budget::{StepBudget, StepKind};
+pub(super) use step_budget::StepBudget;
 pub(super) use trajectory::Trajectory;
 
 use super::compressor::OnlineStage;

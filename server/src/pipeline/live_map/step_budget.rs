@@ -3,19 +3,13 @@
 //! A keyframe earns its color steps when it is inserted. Its language earns steps when the networks have
 //! finished, which may be later than its last color step. Slow networks thus cost time and not quality.
 
+use super::super::keyframes::StepKind;
 use serde::{Deserialize, Serialize};
 
 /// Learning rates decay over this last share of the earned steps.
 const DECAY_SHARE: f32 = 0.1;
 /// The smallest factor of a decayed learning rate.
 const DECAY_FLOOR: f32 = 0.05;
-
-/// What one step optimises.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) struct StepKind {
-    pub color: bool,
-    pub language: bool,
-}
 
 /// Steps that were earned and are not taken yet.
 #[derive(Clone, Debug, Serialize, Deserialize)]

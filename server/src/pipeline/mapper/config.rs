@@ -64,8 +64,8 @@ pub struct MapperConfig {
     /// While no frame waits and no step is due, the map is refined at the size at which keyframes were
     /// received, in at most this many sweeps through all of them; 0: never.
     pub refine_sweeps: usize,
-    /// Number of newest keyframes that decide whether a frame shows something new. Half of the steps are
-    /// theirs.
+    /// Number of newest keyframes that decide whether a frame shows something new. At least half of
+    /// the steps are theirs.
     pub window: usize,
     /// One in this many color steps on a keyframe also optimises its language, which gets the same share of
     /// `steps_per_keyframe`, whenever it arrives.

@@ -1,7 +1,7 @@
 //! One optimiser step on one keyframe (paper §4.3): color and depth, language, or both.
 
-use super::super::keyframes::Keyframe;
-use super::super::live_map::{LiveMap, StepKind};
+use super::super::keyframes::{Keyframe, StepKind};
+use super::super::live_map::LiveMap;
 use super::super::tracker::TrackerConfig;
 use super::config::MapperConfig;
 use super::{pose_refinement, prune, turn};
@@ -31,7 +31,7 @@ pub(in super::super) fn step(
     let number = live.steps.next_number();
     live.steps.take(kind);
     let keyframe = live.keyframes.at_mut(at);
-    turn::count(&mut keyframe.visits, kind, number);
+    keyframe.visits.count(kind, number);
     if let Some(language) = keyframe.language.as_mut().filter(|_| kind.language) {
         language.refresh_target(gpu, live.online.as_ref())?;
     }

@@ -1,5 +1,5 @@
-//! Settings of an optimiser step: what the heads share, weights of the loss, learning rates, and the tiles that
-//! it looks at.
+//! Settings of an optimiser step: what the heads share, weights of the loss, learning rates, and the tiles
+//! that it looks at.
 
 use super::super::range::{OutOfRange, at_least, within};
 use serde::{Deserialize, Serialize};

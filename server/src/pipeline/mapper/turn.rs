@@ -4,8 +4,8 @@
 //! regular intervals and what is new more often. With a random choice, quality differs by luck: maps of eight
 //! keyframes differed by 0.6 dB between seeds.
 
-use super::super::keyframes::{Keyframe, KeyframeStore, Visits};
-use super::super::live_map::{StepBudget, StepKind};
+use super::super::keyframes::{Keyframe, KeyframeStore, StepKind, Visits};
+use super::super::live_map::StepBudget;
 use super::config::MapperConfig;
 
 /// Index of the keyframe that the map's next step is taken on, and what it optimises. While color steps are
@@ -16,40 +16,45 @@ pub(super) fn next(
     steps: &StepBudget,
     config: &MapperConfig,
 ) -> Option<(usize, StepKind)> {
-    let number = steps.next_number();
+    let candidates: Vec<Candidate> = keyframes.iter().map(Candidate::of).collect();
+    choose(&candidates, steps, config)
+}
+
+/// What decides about a keyframe.
+#[derive(Clone, Copy, Default)]
+struct Candidate {
+    visits: Visits,
+    has_language: bool,
+}
+
+impl Candidate {
+    fn of(keyframe: &Keyframe) -> Self {
+        Self { visits: keyframe.visits, has_language: keyframe.language.is_some() }
+    }
+}
+
+fn choose(
+    candidates: &[Candidate],
+    steps: &StepBudget,
+    config: &MapperConfig,
+) -> Option<(usize, StepKind)> {
+    let (number, window) = (steps.next_number(), config.window);
     if steps.color_left() > 0 {
-        let last_steps = keyframes.iter().map(|keyframe| Some(keyframe.visits.color));
-        let at = in_turn(last_steps, number, config.window)?;
-        let language =
-            steps.language_left() > 0 && is_language_due(keyframes.at(at), config.language_every);
-        Some((at, StepKind { color: true, language }))
+        let last_steps = candidates.iter().map(|one| Some(one.visits.color));
+        let at = in_turn(last_steps, number, window)?;
+        let Candidate { visits, has_language } = candidates[at];
+        let is_due = has_language && visits.color_alone + 1 >= config.language_every;
+        Some((at, StepKind { color: true, language: is_due && steps.language_left() > 0 }))
     } else {
-        let last_steps = keyframes
-            .iter()
-            .map(|keyframe| keyframe.language.as_ref().map(|_| keyframe.visits.language));
-        let at = in_turn(last_steps, number, config.window)?;
+        let last_steps =
+            candidates.iter().map(|one| one.has_language.then_some(one.visits.language));
+        let at = in_turn(last_steps, number, window)?;
         Some((at, StepKind { color: false, language: true }))
     }
 }
 
-fn is_language_due(keyframe: &Keyframe, language_every: usize) -> bool {
-    keyframe.language.is_some() && keyframe.visits.color_alone + 1 >= language_every
-}
-
-/// Notes that step `number` of the map optimises the keyframe.
-pub(super) fn count(visits: &mut Visits, kind: StepKind, number: usize) {
-    if kind.color {
-        visits.color = number;
-        visits.color_alone += 1;
-    }
-    if kind.language {
-        visits.language = number;
-        visits.color_alone = 0;
-    }
-}
-
-/// `last_steps`: the last step of each keyframe, the oldest keyframe first; 0: it had none, `None`: it can have
-/// none. Those without a step come first, and of those that waited equally long the newest.
+/// `last_steps`: the last step of each keyframe, the oldest keyframe first; 0: it had none, `None`: it can
+/// have none. Those without a step come first, and of those that waited equally long the newest.
 fn in_turn(
     last_steps: impl ExactSizeIterator<Item = Option<usize>>,
     number: usize,
@@ -102,6 +107,61 @@ mod tests {
         assert!(visits[16..].iter().all(|n| n.abs_diff(500 / 4) <= 2), "{visits:?}");
         assert!(visits[..16].iter().all(|n| n.abs_diff(500 / 16) <= 2), "{visits:?}");
         assert!(longest <= 36, "{longest}");
+    }
+
+    /// Takes all steps that are due. Returns what each optimised.
+    fn take_all(candidates: &mut [Candidate], steps: &mut StepBudget) -> Vec<StepKind> {
+        let config = MapperConfig { language_every: 3, ..MapperConfig::default() };
+        let mut taken = Vec::new();
+        while !steps.is_empty() {
+            let (at, kind) = choose(candidates, steps, &config).unwrap();
+            candidates[at].visits.count(kind, steps.next_number());
+            steps.take(kind);
+            taken.push(kind);
+        }
+        taken
+    }
+
+    #[test]
+    fn language_is_optimised_with_color_and_alone_if_it_is_late() {
+        const COLOR: StepKind = StepKind { color: true, language: false };
+        const LANGUAGE: StepKind = StepKind { color: false, language: true };
+        const BOTH: StepKind = StepKind { color: true, language: true };
+        let mut keyframe = [Candidate { has_language: true, ..Candidate::default() }];
+        let mut steps = StepBudget::new(6, 3);
+        steps.earn();
+        steps.earn_language();
+        let taken = take_all(&mut keyframe, &mut steps);
+        assert_eq!(taken, [COLOR, COLOR, BOTH, COLOR, COLOR, BOTH], "in time");
+
+        let mut keyframe = [Candidate::default()];
+        let mut steps = StepBudget::new(6, 3);
+        steps.earn();
+        assert_eq!(take_all(&mut keyframe, &mut steps), [COLOR; 6], "not there yet");
+        keyframe[0].has_language = true;
+        steps.earn_language();
+        assert_eq!(take_all(&mut keyframe, &mut steps), [LANGUAGE; 2], "late");
+        steps.earn_language();
+        assert!(choose(&[Candidate::default()], &steps, &MapperConfig::default()).is_none());
+    }
+
+    /// With a round as long as `language_every`, language would always fall on the same keyframe if steps
+    /// instead of visits were counted.
+    #[test]
+    fn every_keyframe_s_language_is_optimised_alike() {
+        let mut candidates = [Candidate { has_language: true, ..Candidate::default() }; 3];
+        let mut steps = StepBudget::new(90, 3);
+        steps.earn();
+        steps.earn_language();
+        let config = MapperConfig { language_every: 3, ..MapperConfig::default() };
+        let mut visits = [0; 3];
+        while steps.color_left() > 0 {
+            let (at, kind) = choose(&candidates, &steps, &config).unwrap();
+            candidates[at].visits.count(kind, steps.next_number());
+            steps.take(kind);
+            visits[at] += usize::from(kind.language);
+        }
+        assert_eq!(visits, [10; 3]);
     }
 
     #[test]

@@ -249,7 +249,8 @@ impl Tracker {
         Ok(())
     }
 
-    /// Looks whether features confirm a result, and if not starts from keyframes that share features with the frame.
+    /// Looks whether features confirm a result, and if not starts from keyframes that share features with
+    /// the frame.
     fn search_by_features(
         &self,
         search: &mut Search<'_>,

@@ -111,8 +111,8 @@ impl<'a> Search<'a> {
         self.expected.as_ref().map(|expected| &expected.world_from_camera)
     }
 
-    /// Matches features with those of keyframes, until they put the camera where a result is. That is confirmed
-    /// then, as if an alignment from the features had ended there.
+    /// Matches features with those of keyframes, until they put the camera where a result is. That is
+    /// confirmed then, as if an alignment from the features had ended there.
     pub fn confirm(&mut self, features: &Features, keyframes: &[&Keyframe]) {
         for keyframe in keyframes {
             if self.is_done || self.results.is_empty() {

@@ -94,16 +94,17 @@ class MappingServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Query(self, request, context):
-        """Asks where something is. The same as POST /v1/maps/{name}/query. The answer is at most 4 MiB, which every gRPC
-        client takes: arrays for which there is no room are empty, and QueryResponse.left_out names them.
+        """Asks where something is. The same as POST /v1/maps/{name}/query. The answer is at most 4 MiB, which
+        every gRPC client takes: arrays for which there is no room are empty, and QueryResponse.left_out names
+        them.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def QueryChunks(self, request, context):
-        """The same for answers of any size: a QueryResponse with all its arrays, encoded and cut into chunks. It is what
-        the data of all chunks, one after the other, decodes to.
+        """The same for answers of any size: a QueryResponse with all its arrays, encoded and cut into chunks. It
+        is what the data of all chunks, one after the other, decodes to.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -1,7 +1,7 @@
 //! What a question asks for: "Where is the bed?" asks for "bed".
 //!
-//! Text towers learned names of things, not questions: asked "where is the bed", the tiny bundle says that no bed
-//! is there. Only English questions are known.
+//! Text towers learned names of things, not questions: asked "where is the bed", the tiny bundle says that
+//! no bed is there. Only English questions are known.
 
 /// Ways to ask for a thing, in front of its name.
 const OPENINGS: &[&str] = &[
@@ -54,8 +54,9 @@ const QUOTES: &[[char; 2]] =
 
 const BRACKETS: &[[char; 2]] = &[['(', ')'], ['[', ']'], ['{', '}']];
 
-/// The name of the thing that is asked for, a part of `text`: without punctuation and brackets around it, the words
-/// of the question, and articles. What stands in quotes is taken as it is. Empty if `text` has no words.
+/// The name of the thing that is asked for, a part of `text`: without punctuation and brackets around it,
+/// the words of the question, and articles. What stands in quotes is taken as it is. Empty if `text` has no
+/// words.
 pub(super) fn subject(text: &str) -> &str {
     let text = without_punctuation(text);
     if !text.contains(is_word) {
@@ -73,16 +74,15 @@ pub(super) fn subject(text: &str) -> &str {
         name = rest;
         is_question = true;
     }
-    while let Some(rest) = ENDINGS.iter().find_map(|ending| before_words(name, ending)) {
-        if !is_question {
-            break;
+    if is_question {
+        while let Some(rest) = ENDINGS.iter().find_map(|ending| before_words(name, ending)) {
+            name = rest;
         }
-        name = rest;
     }
     while let Some(rest) = ARTICLES.iter().find_map(|article| after_words(name, article)) {
         name = rest;
     }
-    if is_question && let Some(literal) = between(name, QUOTES) { literal.trim() } else { name }
+    between(name, QUOTES).map_or(name, str::trim)
 }
 
 /// Whether this is more than a mark. Symbols such as ☕ are words.
@@ -145,6 +145,7 @@ mod tests {
             "Please, show me the bed.",
             "Can you find a bed, please?",
             "find the \"bed\"",
+            "the \"bed\"",
             "Where is the bed, please?",
             "Where did I leave my bed?",
         ] {

@@ -38,8 +38,8 @@ impl Images {
         Ok(Some(Arc::new(pyramid)))
     }
 
-    /// Room for an image of a camera, with as many levels as are asked for, or as its size allows; `None` if it
-    /// is too small for one.
+    /// Room for an image of a camera, with as many levels as are asked for, or as its size allows; `None`
+    /// if it is too small for one.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`].

@@ -153,8 +153,8 @@ impl FrameAligner {
         Ok(found)
     }
 
-    /// Puts the images of these keyframes on the device, in place of those that are no longer used. One that is
-    /// too small, whose pose was given, is left out.
+    /// Puts the images of these keyframes on the device, in place of those that are no longer used. One
+    /// that is too small, whose pose was given, is left out.
     fn upload_keyframes(&mut self, keyframes: &[&Keyframe]) -> Result<(), GpuError> {
         let is_wanted = |sequence: u64| keyframes.iter().any(|kf| kf.frame.sequence == sequence);
         let (kept, unused): (Vec<_>, Vec<_>) =
@@ -277,7 +277,8 @@ impl FrameAligner {
         self.align_narrowly(reference, &start.world_from_camera, &estimate).map(Some)
     }
 
-    /// Aligns the frame with the lost one that was kept, in that frame's coordinates; `None` if there is none.
+    /// Aligns the frame with the lost one that was kept, in that frame's coordinates; `None` if there is
+    /// none.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
