@@ -85,13 +85,13 @@ impl StepBudget {
         self.taken.is_multiple_of(every.max(1))
     }
 
-    /// Factor of the learning rates of means and of the color head, [`DECAY_FLOOR`] to 1. Adam's steps do
+    /// Factor of the last step's learning rates of means and of the color head, [`DECAY_FLOOR`] to 1. Adam's steps do
     /// not shrink with the gradient, so the rates decay over the last steps that were earned without a
     /// pause. The next keyframe resets the factor to 1.
     pub fn learning_rate_decay(&self) -> f32 {
         let decay_steps = DECAY_SHARE * self.earned as f32;
         if decay_steps > 0.0 {
-            (self.color_left as f32 / decay_steps).clamp(DECAY_FLOOR, 1.0)
+            ((self.color_left + 1) as f32 / decay_steps).clamp(DECAY_FLOOR, 1.0)
         } else {
             1.0
         }
@@ -134,20 +134,26 @@ mod tests {
             steps.learning_rate_decay()
         };
         let decays: Vec<f32> = (0..100).map(|_| decay()).collect();
-        assert!(decays[..90].iter().all(|decay| *decay == 1.0), "{decays:?}");
-        assert!(decays[90..99].is_sorted_by(|a, b| a > b), "{decays:?}");
-        assert_eq!(decays[99], DECAY_FLOOR, "the floor is reached with the last step");
+        assert!(decays[..91].iter().all(|decay| *decay == 1.0), "{decays:?}");
+        assert!(decays[91..].is_sorted_by(|a, b| a > b), "{decays:?}");
+        assert!((decays[99] - 0.1).abs() < 1e-6, "the last of ten: {}", decays[99]);
         steps.earn();
         assert_eq!(steps.learning_rate_decay(), 1.0, "the next keyframe resets it");
         for _ in 0..10 {
             steps.earn();
         }
-        for _ in 0..1045 {
+        for _ in 0..1046 {
             steps.take(COLOR);
         }
         assert!(
             (steps.learning_rate_decay() - 0.5).abs() < 1e-6,
             "half of the decay steps are left"
+        );
+        (0..54).for_each(|_| steps.take(COLOR));
+        assert_eq!(
+            (steps.color_left(), steps.learning_rate_decay()),
+            (0, DECAY_FLOOR),
+            "the floor"
         );
     }
 }
