@@ -85,9 +85,9 @@ impl StepBudget {
         self.taken.is_multiple_of(every.max(1))
     }
 
-    /// Factor of the last step's learning rates of means and of the color head, [`DECAY_FLOOR`] to 1. Adam's steps do
-    /// not shrink with the gradient, so the rates decay over the last steps that were earned without a
-    /// pause. The next keyframe resets the factor to 1.
+    /// Factor of the last step's learning rates of means and of the color head, [`DECAY_FLOOR`] to 1. Adam's
+    /// steps do not shrink with the gradient, so the rates decay over the last steps that were earned without
+    /// a pause. The next keyframe resets the factor to 1.
     pub fn learning_rate_decay(&self) -> f32 {
         let decay_steps = DECAY_SHARE * self.earned as f32;
         if decay_steps > 0.0 {
