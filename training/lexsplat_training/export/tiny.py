@@ -1,8 +1,8 @@
 """Assemble the bundle models/tiny: ONNX files, tokenizer and manifest.
 
-Takes the folders that export-text, train-encoder (or average-weights) and train-compressor wrote.
+Takes the folders that export-text, join-encoders (or train-encoder) and train-compressor wrote.
 Large weights of the image networks are stored as fp16 and cast to fp32 when they are loaded; inputs
-and outputs are fp32. The result is compared with PyTorch.
+and outputs are fp32. The result is compared with the graphs that it was made of.
 """
 
 import shutil
@@ -11,19 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import torch
 
 from ..command_line import parser
-from ..constants import CODE_SIZE, FEATURE_SIZE, IMAGE_SHAPE, MEAN, NEGATIVES, STD, STRIDE
-from ..networks.encoder import load
-from ..runtime.bundle import Bundle
+from ..constants import CODE_SIZE, FEATURE_SIZE, MEAN, NEGATIVES, STD
+from ..runtime.bundle import Bundle, Encoders
 from ..runtime.text_encoder import INPUTS, MAX_TOKENS
 from . import half_precision
 from .manifest import Manifest
 
-LARGEST = 40  # MB
+LARGEST = 64  # MB
 EXAMPLE = """\
---text text --encoder mean --compressor compressor --version 4 \\
+--text text --encoder pair --compressor compressor --version 5 \\
       --bias 2.9 --present 0.62 --steepness 10.9 --out ../models/tiny"""
 
 
@@ -39,10 +37,16 @@ def sources(args):
     }
 
 
-def manifest(args):
-    """The bundle's manifest."""
-    height, width = IMAGE_SHAPE
-    maps, grid = ["coarse", "skip8", "skip4"], [height // STRIDE, width // STRIDE]
+def shapes(graph):
+    """{name: [size along each axis]} of a graph's inputs and outputs."""
+    values = [*graph.input, *graph.output]
+    return {v.name: [axis.dim_value for axis in v.type.tensor_type.shape.dim] for v in values}
+
+
+def manifest(args, encoder, srd):
+    """The bundle's manifest; encoder, srd: the graphs."""
+    maps = [output.name for output in encoder.output]
+    (height, width), grid = shapes(encoder)["image"][2:], shapes(srd)["features"][2:]
     return Manifest(
         name=args.out.name,
         version=args.version,
@@ -83,26 +87,23 @@ def manifest(args):
     )
 
 
-@torch.inference_mode()
-def check(out, weights, files):
-    """Compares features with PyTorch on a random image; prints cosine, size and time per frame."""
-    bundle = Bundle(out)
+def check(out, encoders, files):
+    """Compares features with those of the source graphs; prints cosine, size and time per frame."""
+    bundle, source = Bundle(out), Encoders(encoders)
     image = np.random.default_rng(0).integers(0, 255, (36, 48, 3), dtype=np.uint8)
-    encoder, decoder = load(weights)
-    maps = encoder(torch.from_numpy(bundle.tensor(image)))
-    wanted = decoder(*maps)[0].permute(1, 2, 0).numpy()
     decoded, direct = bundle.features(image)
     times = []
     for _ in range(10):
         started = time.time()
         bundle.features(image)
         times.append(time.time() - started)
-    cosine = (wanted * direct).sum(-1)
+    cosine = (source(image) * direct).sum(-1)
     norm = np.abs(np.linalg.norm(decoded, axis=-1) - 1).max()
     size = sum((out / name).stat().st_size for name in files) / 1e6
     print(
-        f"ONNX against torch: least cosine {cosine.min():.5f}; decoded length off by {norm:.1e}; "
-        f"{size:.1f} MB; image to decoded features {1e3 * np.median(times):.0f} ms (median of 10)"
+        f"against the source graphs: least cosine {cosine.min():.5f}; decoded length off by "
+        f"{norm:.1e}; {size:.1f} MB; image to decoded features {1e3 * np.median(times):.0f} ms "
+        "(median of 10)"
     )
     assert cosine.min() > 0.999 and norm < 1e-3 and size < LARGEST
 
@@ -111,7 +112,7 @@ def arguments_parser():
     arguments = parser("export-tiny", __doc__, EXAMPLE)
     add = arguments.add_argument
     add("--text", type=Path, required=True, help="folder written by export-text")
-    add("--encoder", type=Path, required=True, help="folder of train-encoder or average-weights")
+    add("--encoder", type=Path, required=True, help="folder with encoder.onnx and srd.onnx")
     add("--compressor", type=Path, required=True, help="folder written by train-compressor")
     add("--version", default="1", help="(default 1)")
     add("--temperature", type=float, default=10.0, help="of the relevancy's logit (default 10)")
@@ -138,5 +139,6 @@ def main(arguments=None):
             shutil.copyfile(folder / name, args.out / name)
         else:
             onnx.save(half_precision.stored(onnx.load(folder / name)), args.out / name)
-    manifest(args).write(args.out, files)
-    check(args.out, args.encoder / "encoder.pt", files)
+    graphs = [onnx.load(args.encoder / name).graph for name in ("encoder.onnx", "srd.onnx")]
+    manifest(args, *graphs).write(args.out, files)
+    check(args.out, args.encoder, files)

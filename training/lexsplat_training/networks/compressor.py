@@ -1,5 +1,6 @@
 """The generic compressor of models/tiny: features to codes and back (paper section 4.2)."""
 
+import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
@@ -46,11 +47,15 @@ class Decompress(nn.Module):
 
 
 def load(folder):
-    """(Compress, Decompress) with the weights of compress.onnx and decompress.onnx."""
+    """(Compress, Decompress) with the weights of compress.onnx and decompress.onnx.
+
+    Bundles store large weights as fp16, with ".half" behind their names.
+    """
     networks = Compress(), Decompress()
     for network, name in zip(networks, ("compress.onnx", "decompress.onnx"), strict=True):
         graph = onnx.load(folder / name).graph
-        stored = {w.name: numpy_helper.to_array(w) for w in graph.initializer}
+        values = ((w.name, numpy_helper.to_array(w)) for w in graph.initializer)
+        stored = {key.removesuffix(".half"): v.astype(np.float32) for key, v in values}
         state = {key: torch.from_numpy(stored[key].copy()) for key in network.state_dict()}
         network.load_state_dict(state)
     return networks

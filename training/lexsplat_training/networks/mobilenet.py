@@ -37,7 +37,8 @@ class Convolution(nn.Conv2d):
 class Conv(nn.Module):
     """A convolution with TensorFlow's "same" padding and an optional ReLU6.
 
-    With stride 2, this padding is on the right and at the bottom only.
+    With stride 2 and an even size, there is one row more at the bottom and one column more on the
+    right.
     """
 
     def __init__(self, inputs, outputs, size=1, stride=1, groups=1, act=True):
@@ -48,7 +49,8 @@ class Conv(nn.Module):
 
     def forward(self, x):
         if self.conv.stride[0] == 2:
-            x = F.pad(x, (0, 1, 0, 1))
+            less = self.conv.kernel_size[0] // 2 - 1
+            x = F.pad(x, (less, less + 1, less, less + 1))
         x = self.conv(x)
         return F.relu6(x) if self.act else x
 
@@ -56,11 +58,11 @@ class Conv(nn.Module):
 class Block(nn.Module):
     """Inverted residual: expand, depthwise, project."""
 
-    def __init__(self, inputs, outputs, expansion, stride):
+    def __init__(self, inputs, outputs, expansion, stride, size=3):
         super().__init__()
         inner = inputs * expansion
         self.expand = Conv(inputs, inner) if expansion > 1 else nn.Identity()
-        self.depthwise = Conv(inner, inner, 3, stride, groups=inner)
+        self.depthwise = Conv(inner, inner, size, stride, groups=inner)
         self.project = Conv(inner, outputs, act=False)
         self.residual = stride == 1 and inputs == outputs
 

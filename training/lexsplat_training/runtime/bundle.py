@@ -4,9 +4,30 @@ import tomllib
 
 import numpy as np
 
+from ..constants import MEAN, STD
 from ..samples import images
 from .session import session
 from .text_encoder import TextEncoder
+
+
+class Encoders:
+    """The graphs encoder.onnx and srd.onnx of a folder: an image uint8 [h, w, 3] -> [h, w, D].
+
+    The manifest is not needed: sizes are in the graphs, the normalisation is that of models/tiny.
+    """
+
+    def __init__(self, folder):
+        self.encoder, self.srd = session(folder / "encoder.onnx"), session(folder / "srd.onnx")
+        self.height, self.width = self.encoder.get_inputs()[0].shape[2:]
+
+    def __call__(self, image):
+        x = image
+        if x.shape[:2] != (self.height, self.width):
+            x = images.resize(x, self.width, self.height, images.BILINEAR)
+        x = ((x.transpose(2, 0, 1)[None] - MEAN) / STD).astype(np.float32)
+        maps = self.encoder.run(None, {"image": x})
+        names = [taken.name for taken in self.srd.get_inputs()]
+        return self.srd.run(None, dict(zip(names, maps, strict=True)))[0][0].transpose(1, 2, 0)
 
 
 class Bundle:

@@ -2,7 +2,8 @@
 
 Learns from pixel features of labelled frames and from text embeddings of a whole vocabulary, alone
 and blended in pairs, so that nouns which no frame shows keep their direction. Every tenth noun is
-held out for the report. Writes compress.onnx and decompress.onnx. The seed is fixed.
+held out for the report. Writes compress.onnx, decompress.onnx and pixels.npy, the pixel features, which
+later runs use again. The seed is fixed.
 """
 
 import time
@@ -14,10 +15,11 @@ from torch.nn import functional as F
 from tqdm import trange
 
 from ..command_line import parser
-from ..constants import IMAGE_SHAPE, MEAN, NEGATIVES, STD
+from ..constants import FEATURE_SIZE, NEGATIVES
 from ..export.graphs import export_compressor
-from ..networks import compressor, encoder
+from ..networks import compressor
 from ..networks.vectors import unit
+from ..runtime.bundle import Encoders
 from ..runtime.text_encoder import TextEncoder
 from ..samples import images
 from ..samples.frames import read_frames
@@ -26,21 +28,23 @@ from ..samples.words import Words
 SEED = 21
 BATCH = 1024
 EXAMPLE = """\
---frames house --frames rooms/r1000 --encoder encoder/encoder.pt --text text \\
+--frames house --frames rooms/r1000 --encoders pair --text text \\
       --vocabulary nouns.json --out compressor"""
 
 
-@torch.inference_mode()
-def collect(image_encoder, decoder, args, words, per_frame=250):
-    """Features of random pixels of all frames: [n, D]."""
+def collect(encoders, args, words, per_frame=250):
+    """Features of random pixels of all frames and photographs: [n, D]."""
     random, rows = np.random.default_rng(SEED), []
-    height, width = IMAGE_SHAPE
+
+    def take(image):
+        features = encoders(image).reshape(-1, FEATURE_SIZE)
+        rows.append(torch.from_numpy(features[random.integers(len(features), size=per_frame)]))
+
     for folder in args.frames:
         for image, _ in read_frames(folder, words, args.skip_box, args.per_folder):
-            image = images.resize(image, width, height, images.BILINEAR)
-            x = torch.from_numpy(image.copy()).permute(2, 0, 1)[None].float()
-            features = decoder(*image_encoder((x - MEAN) / STD))[0].flatten(1)
-            rows.append(features[:, random.integers(features.shape[1], size=per_frame)].T)
+            take(image)
+    for path in sorted(args.photos.glob("*.jpg")) if args.photos else []:
+        take(images.read(path))
     return torch.cat(rows)
 
 
@@ -109,7 +113,13 @@ def arguments_parser():
         help="leave out frames taken inside this box (metres)",
     )
     add("--per-folder", type=int, default=40, help="frames used of each folder (default 40)")
-    add("--encoder", type=Path, required=True, help="encoder.pt")
+    add("--photos", type=Path, help="folder of photographs, for features of things unseen")
+    add(
+        "--encoders",
+        type=Path,
+        required=True,
+        help="folder with encoder.onnx and srd.onnx, as join-encoders writes them",
+    )
     add("--text", type=Path, required=True, help="folder with text.onnx and tokenizer.json")
     add("--vocabulary", type=Path, required=True, help="nouns.json")
     add("--start", type=Path, help="continue from the graphs in this folder")
@@ -126,7 +136,10 @@ def main(arguments=None):
     started = time.time()
     args.out.mkdir(parents=True, exist_ok=True)
     words = Words()
-    pixels = collect(*encoder.load(args.encoder), args, words)
+    file = args.out / "pixels.npy"
+    if not file.exists():
+        np.save(file, collect(Encoders(args.encoders), args, words).half().numpy())
+    pixels = torch.from_numpy(np.load(file)).float()
     tower = TextEncoder(args.text, args.out / "texts.npz")
     nouns = sorted(Words(args.vocabulary).known)
     held_out = nouns[::10]

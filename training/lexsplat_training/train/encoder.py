@@ -129,9 +129,8 @@ def train(encoder, decoder, loss, sampler, args):
     return step
 
 
-def arguments_parser():
-    arguments = parser("train-encoder", __doc__, EXAMPLE)
-    add = arguments.add_argument
+def add_samples(add):
+    """Adds the options that say what samples are drawn from."""
     add(
         "--frames",
         action="append",
@@ -154,6 +153,12 @@ def arguments_parser():
     add("--backbone", type=Path, required=True, help="MobileNetV2 TFLite file")
     add("--text", type=Path, required=True, help="folder with text.onnx and tokenizer.json")
     add("--vocabulary", type=Path, help="nouns.json, for synonyms")
+
+
+def arguments_parser():
+    arguments = parser("train-encoder", __doc__, EXAMPLE)
+    add = arguments.add_argument
+    add_samples(add)
     add("--start", type=Path, help="continue from this encoder.pt")
     add("--minutes", type=float, default=20, help="training time (default 20)")
     add("--steps", type=int, help="number of steps, instead of --minutes")
