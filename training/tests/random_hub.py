@@ -1,6 +1,7 @@
 """Writes the files of every bundle of the catalogue with random weights, for a hub on loopback.
 
-By hand, at full size: `python tests/random_hub.py FOLDER NAME...`, then `python tests/hub.py FOLDER`.
+By hand, at full size: `PYTHONPATH=. python tests/random_hub.py FOLDER NAME...`, then
+`python tests/hub.py FOLDER`.
 """
 
 import sys
@@ -158,7 +159,9 @@ def siglip_files(places, _options, full):
     vision, text = siglip(size)
     outputs = ["last_hidden_state", "pooler_output"]
     free = {0: "batch"}
-    export(vision, torch.zeros(1, 3, *size["image"]), "pixel_values", outputs, free, places["vision"])
+    export(
+        vision, torch.zeros(1, 3, *size["image"]), "pixel_values", outputs, free, places["vision"]
+    )
     ids = torch.ones(1, TOKENS, dtype=torch.int64)
     export(text, ids, "input_ids", outputs, free, places["text"])
     places["tokenizer"].write_text(siglip_tokenizer(size["words"]).to_str())
@@ -167,12 +170,14 @@ def siglip_files(places, _options, full):
 def export(module, example, given, outputs, free, path):
     """One tower of SigLIP as ONNX, for any number of images or texts."""
     with torch.inference_mode():
-        graphs.write(module, path, (example,), [given], outputs, dict.fromkeys([given, *outputs], free))
+        graphs.write(
+            module, path, (example,), [given], outputs, dict.fromkeys([given, *outputs], free)
+        )
 
 
 def siglip_tokenizer(words):
     """A tokenizer of words with <pad> as 0 and <eos> at the end, which knows lower case only."""
-    known = ["<pad>", "<eos>", "<unk>", *"cup sofa chair floor wall lamp bed door".split()]
+    known = ["<pad>", "<eos>", "<unk>", "cup", "sofa", "chair", "floor", "wall", "lamp", "bed"]
     ids = {word: at for at, word in enumerate(known[:words])}
     made = Tokenizer(models.WordLevel(ids, unk_token="<unk>"))
     made.pre_tokenizer = pre_tokenizers.Whitespace()

@@ -14,7 +14,7 @@ ALLOWED = {
     "export": {"networks", "runtime"},
     "train": {"samples", "networks", "runtime", "export"},
     "measure": {"samples", "runtime"},
-    "bundles": {"networks", "runtime", "export", "measure"},
+    "bundles": {"samples", "networks", "runtime", "export", "measure"},
 }
 
 

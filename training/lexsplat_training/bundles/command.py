@@ -40,14 +40,15 @@ def make(entry, args):
     converter = importlib.import_module(f"lexsplat_training.bundles.from_{entry.convert}")
     bundle, parity = converter.convert(entry, sources, unfinished)
     say(4, "fit to rendered rooms")
-    frames, kept = labelled(seen.fitted), {}
+    frames, kept, known = labelled(seen.fitted), {}, {}
     if (unfinished / "features.onnx").exists():
-        words = args.words.read_text().splitlines()
-        kept = fit.compressor(unfinished, bundle, frames, [word for word in words if word.strip()])
+        words = args.words.read_text().split("\n")
+        words = [word.strip() for word in words if word.strip()]
+        kept, known = fit.compressor(unfinished, bundle, frames, words)
         shown = ", ".join(f"{name} {value:.3f}" for name, value in kept.items())
         print(f"compressor to {CODE_SIZE} numbers: mean cosine of what it keeps: {shown}")
     manifest(bundle).write(unfinished, bundle.files)
-    bundle.relevancy = fit.scales(unfinished, bundle, frames, rooms.LEAST)
+    bundle.relevancy = fit.scales(unfinished, bundle, frames, known, rooms.LEAST)
     manifest(bundle).write(unfinished, bundle.files)
     say(5, "score on other rooms")
     frames = labelled(seen.scored)

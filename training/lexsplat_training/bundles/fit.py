@@ -27,12 +27,14 @@ def compressor(out, bundle, frames, words):
     """Writes vision.onnx and decompress.onnx in place of features.onnx.
 
     Fitted to patches of labelled frames and to words. Returns the mean cosine of patches and of
-    words to themselves decoded from codes, by name.
+    words to themselves decoded from codes, by name, and the frames' codes as `Bundle.known`.
     """
     names = sorted({name for *_, names in frames for name in names})
     text = TextEncoder(out, limit=bundle.context)
+    run = session(out / "features.onnx")
+    every = [run.run(None, {"image": tensor(rgb, bundle.image)})[0][0] for rgb, *_ in frames]
     sources = {
-        "patches": patches(out, bundle, frames),
+        "patches": patches(every),
         "words": text([*dict.fromkeys([*words, *names, *NEGATIVES])]),
     }
     directions = leading_directions(sources.values())
@@ -45,14 +47,18 @@ def compressor(out, bundle, frames, words):
         decoded = rows @ directions.T @ directions
         length = np.linalg.norm(decoded, axis=1).clip(1e-12)
         kept[name] = float(((decoded * rows).sum(1) / length).mean())
-    return kept
+    codes = (np.tensordot(directions, features, 1) for features in every)
+    known = {
+        id(rgb): (rgb, one / np.linalg.norm(one, axis=0).clip(1e-12))
+        for (rgb, *_), one in zip(frames, codes, strict=True)
+    }
+    return kept, known
 
 
-def patches(out, bundle, frames):
-    """Features of random patches of labelled frames: [n, D]."""
-    run, random, rows = session(out / "features.onnx"), np.random.default_rng(0), []
-    for rgb, *_ in frames:
-        features = run.run(None, {"image": tensor(rgb, bundle.image)})[0][0]
+def patches(every):
+    """PER_FRAME random patches of each frame's features [D, h, w]: [n, D]."""
+    random, rows = np.random.default_rng(0), []
+    for features in every:
         flat = features.reshape(len(features), -1).T
         rows.append(flat[random.permutation(len(flat))[:PER_FRAME]])
     return np.concatenate(rows)
@@ -70,12 +76,13 @@ def leading_directions(sources):
     return vectors.T[::-1][:CODE_SIZE].astype(np.float32)
 
 
-def scales(out, description, frames, least):
+def scales(out, description, frames, known, least):
     """Fits temperature, bias and confidence; returns the manifest's [relevancy].
 
-    The threshold stays 0.5: the bias is the one with the best IoU there.
+    The threshold stays 0.5: the bias is the one with the best IoU there. known: codes of frames.
     """
-    bundle = Bundle(out)
+    bundle = Bundle(out, remember=True)
+    bundle.known.update(known)
     found = calibration.relevancy(bundle, frames, least)
     lowest, highest = TEMPERATURES
     believed = lowest <= found.temperature <= highest

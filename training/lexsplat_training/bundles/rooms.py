@@ -12,7 +12,7 @@ from ..command_line import InputError
 FITTED = (300, 301, 302, 303)  # seeds of the rooms that compressor and scales are fitted to
 SCORED = (310, 311)  # seeds of the rooms that the bundle is scored on
 SIZE = (480, 360)  # width, height
-WALK, EVERY = 180, 12  # frames of a walk around a room, and which of them are rendered
+WALK, EVERY = 180, 18  # frames of a walk around a room, and which of them are rendered
 LEAST = 0.004  # share of a frame that a word must cover to be asked
 
 

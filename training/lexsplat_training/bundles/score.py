@@ -8,6 +8,9 @@ import numpy as np
 
 from ..measure import calibration, scores
 from ..runtime.bundle import Bundle
+from ..samples import images
+
+SIZE = (120, 90)  # columns, rows to which relevancies of all bundles are stretched
 
 
 @dataclass
@@ -24,31 +27,34 @@ class Score:
 
 
 def score(folder, frames, least):
-    """The `Score` of the bundle in a folder."""
-    bundle, rows, seconds = Bundle(folder), defaultdict(list), []
+    """The `Score` of the bundle in a folder; `least`: share of a frame for a word to be asked."""
+    bundle, rows, seconds = Bundle(folder, remember=True), defaultdict(list), []
+    threshold = bundle.manifest["relevancy"]["threshold"]
     for image, label, names in frames:
+        label = images.resize(label.astype(np.int32), *SIZE, images.NEAREST)
         seen = np.bincount(label[label >= 0], minlength=len(names))
-        asked = [names[k] for k in np.flatnonzero(seen > least * label.size)]
+        asked = np.flatnonzero(seen > least * label.size)
         started = time.perf_counter()
-        bundle.features(image)
+        features = bundle.features(image)[0]
         seconds.append(time.perf_counter() - started)
-        pairs = [(word, word) for word in asked]
-        for word, found, _ in scores.score(bundle, (image, label), names, pairs):
-            rows[word].append(found)
-    words = {word: scores.mean(found) for word, found in sorted(rows.items())}
+        heats = bundle.relevancy(features, [names[k] for k in asked]).astype(np.float32)
+        for k, heat in zip(asked, heats, strict=True):
+            heat, mask = images.resize(heat, *SIZE, images.BILINEAR), label == k
+            found = mask.flat[heat.argmax()], scores.iou(heat > threshold, mask), mask.mean()
+            rows[names[k]].append(found)
+    words = {word: np.mean(found, 0) for word, found in sorted(rows.items())}
+    loc, iou, chance = np.mean(list(words.values()), 0).tolist()
     values, there = calibration.peaks(bundle, frames, least)
-    present = values >= bundle.manifest["relevancy"].get("present_threshold", 0.5)
-    mean = {key: float(np.mean([getattr(one, key) for one in words.values()])) for key in MEANS}
+    present = values >= bundle.manifest["relevancy"].get("present_threshold", threshold)
     return Score(
-        **mean,
+        loc=loc,
+        iou=iou,
+        chance=chance,
         order=order(values, there),
         right=float((present[there].mean() + (~present[~there]).mean()) / 2),
         seconds=float(np.median(seconds)),
-        words={word: (len(rows[word]), one.loc, one.iou) for word, one in words.items()},
+        words={word: (len(rows[word]), mean[0], mean[1]) for word, mean in words.items()},
     )
-
-
-MEANS = ("loc", "iou", "chance")
 
 
 def order(values, there):

@@ -12,7 +12,9 @@ from .text_encoder import TextEncoder
 class Bundle:
     """The graphs of a bundle, chained as its manifest says."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, remember=False):
+        """remember: compute the codes of an image only once, as long as the image is kept."""
+        self.known = {} if remember else None
         self.manifest = tomllib.loads((folder / "manifest.toml").read_text())
         m = self.manifest
         if "vision" in m:  # one graph from image to codes
@@ -35,18 +37,29 @@ class Bundle:
 
         The features before are None if one graph goes from image to codes.
         """
-        if self.vision:
-            (name,) = (value.name for value in self.vision.get_inputs())
-            codes, direct = self.vision.run(None, {name: self.tensor(image)})[0][0], None
-        else:
-            maps = self.encoder.run(None, {"image": self.tensor(image)})
-            inputs = dict(zip(self.manifest["srd"]["inputs"], maps, strict=True))
-            features = self.srd.run(None, inputs)[0]
-            codes = self.compress.run(None, {"features": features})[0][0]
-            direct = features[0].transpose(1, 2, 0)
+        codes, direct = self.codes(image)
         flat = np.ascontiguousarray(codes.reshape(len(codes), -1).T)
         decoded = self.decompress.run(None, {"codes": flat})[0]
         return decoded.reshape(*codes.shape[1:], -1), direct
+
+    def codes(self, image):
+        """(codes [32, h, w], features before as of `features`)."""
+        if self.known is None:
+            return self.encoded(image)
+        if id(image) not in self.known:
+            self.known[id(image)] = (image, self.encoded(image)[0])
+        return self.known[id(image)][1], None
+
+    def encoded(self, image):
+        """`codes`, computed."""
+        if self.vision:
+            (name,) = (value.name for value in self.vision.get_inputs())
+            return self.vision.run(None, {name: self.tensor(image)})[0][0], None
+        maps = self.encoder.run(None, {"image": self.tensor(image)})
+        inputs = dict(zip(self.manifest["srd"]["inputs"], maps, strict=True))
+        features = self.srd.run(None, inputs)[0]
+        codes = self.compress.run(None, {"features": features})[0][0]
+        return codes, features[0].transpose(1, 2, 0)
 
     def relevancy(self, features, words):
         """[words, h, w]: the least pairwise softmax of a word against the negatives (section 5)."""
