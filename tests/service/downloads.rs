@@ -22,7 +22,8 @@ fn the_downloader_passes_its_tests() {
         println!("SKIPPED: the training package needs Python 3.11 or newer");
         return;
     }
-    let output = python(&["-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/test_download.py"]);
+    let output =
+        python(&["-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/test_download.py"]);
     let said = String::from_utf8_lossy(&output.stdout);
     let complained = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}{complained}");
