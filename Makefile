@@ -10,6 +10,7 @@ export NODEVICE_SELECT = 1
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 22
+	@echo '  NAME=openclip, siglip2, talk2dino or paper for bundle, LICENCE=yes accepts its licence, HUB=ADDRESS is a mirror'
 	@echo '  DATASET=KIND:PATH for demo (synthetic:SEED, replica:, tum:, 7scenes:, nerfstudio:, folder:, r3d:, scannet:, mcap:, rosbag2:), KEEP=1 keeps the server up'
 
 deps: ## Install what is missing: a Vulkan driver, ONNX Runtime
@@ -86,7 +87,24 @@ fuzz: deps .deps/fuzz/bin/cargo-fuzz ## MUTATIONS (20000) of every input from ou
 .deps/fuzz/bin/cargo-fuzz:
 	cargo install --quiet --locked --root .deps/fuzz cargo-fuzz@0.13.1
 
-training-test: .venv/export ## Tests of the scripts that export networks (installs PyTorch into .venv/: 3 GB)
+# The licence is asked for before anything large is installed or downloaded.
+BUNDLE = cd training && ../.venv/bin/python -m lexsplat_training bundle '$(NAME)' $(if $(HUB),--hub '$(HUB)') \
+  $(if $(LOCK),--lock '$(abspath $(LOCK))')
+bundle: .venv/bundle deps ## Published networks as a bundle under models/: download, convert, fit, score (NAME=siglip2)
+	@$(BUNDLE) --ask-only $(if $(filter yes,$(LICENCE)),--accept-licence)
+	@.venv/bin/pip install --quiet -r training/$$($(BUNDLE) --packages)
+	@echo 'building lexsplat: minutes the first time, seconds from then on'
+	@cargo build --workspace || { echo 'error: the build failed, see above' >&2; exit 1; }
+	@$(BUNDLE) --accept-licence
+
+.venv/bundle: training/requirements-bundle.txt
+	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo 'error: this needs Python 3.11 or newer' >&2; exit 1; }
+	python3 -m venv .venv
+	.venv/bin/pip install --quiet -r $<
+	@touch $@
+
+training-test: .venv/export ## Tests of the scripts that make bundles (installs PyTorch into .venv/: 3 GB)
 	cd training && ../.venv/bin/python -m pytest -q tests
 
 .venv/export: training/requirements-export.txt
@@ -94,4 +112,4 @@ training-test: .venv/export ## Tests of the scripts that export networks (instal
 	.venv/bin/pip install --quiet -r $<
 	@touch $@
 
-.PHONY: help deps demo test lint format lengths bench soak fuzz training-test
+.PHONY: help deps demo test lint format lengths bench soak fuzz bundle training-test

@@ -15,6 +15,7 @@ COMMANDS = {
     "train-compressor": ("train.compressor", "train the compressor from features to codes"),
     "join-encoders": ("export.pair", "join two image encoders to one"),
     "export-tiny": ("export.tiny", "assemble the bundle models/tiny"),
+    "bundle": ("bundles.command", "make a bundle of published networks from a hub"),
     "export-published": ("export.published", "export the paper's networks as a bundle"),
     "export-clip": ("export.clip", "export a CLIP vision transformer as a bundle"),
     "fold-bundle": ("export.folding", "fold a bundle's three image graphs into one"),

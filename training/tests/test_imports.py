@@ -14,6 +14,7 @@ ALLOWED = {
     "export": {"networks", "runtime"},
     "train": {"samples", "networks", "runtime", "export"},
     "measure": {"samples", "runtime"},
+    "bundles": {"samples", "networks", "runtime", "export", "measure"},
 }
 
 

@@ -5,7 +5,6 @@ last, after ONNX Runtime agreed with PyTorch on every graph.
 """
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 import onnx
@@ -13,44 +12,16 @@ import torch
 from torch import nn
 
 from ..command_line import InputError
-from ..constants import CODE_SIZE, NEGATIVES
+from ..constants import CODE_SIZE
 from ..runtime import session
 from . import half_precision
+from .bundle import manifest
 from .folding import simplified
 from .graphs import export
-from .manifest import Manifest
 
 # least cosine of every code, feature and embedding to PyTorch's, by precision
 LEAST = {"fp32": 0.9999, "fp16": 0.999}
 SENTENCES = ("cup", "where is the coffee cup?", "a long text " * 12)  # checked
-
-
-@dataclass
-class Bundle:
-    """How the networks of a bundle are used."""
-
-    name: str
-    licence: str
-    feature: int
-    size: tuple[int, int]  # rows, columns of the image
-    grid: tuple[int, int]  # rows, columns of the codes
-    mean: tuple[float, ...]  # of images in 0..255
-    std: tuple[float, ...]
-    context: int  # largest number of text tokens
-    channel_order: str = "rgb"
-    precision: str = "fp32"
-    folded: bool = True  # one graph from image to codes, otherwise three
-
-    @property
-    def graphs(self):
-        """Names of the image graphs."""
-        return ["vision"] if self.folded else ["encoder", "srd", "compress"]
-
-    @property
-    def files(self):
-        """All files but the manifest."""
-        graphs = [*self.graphs, "decompress", "text"]
-        return [f"{name}.onnx" for name in graphs] + ["tokenizer.json"]
 
 
 class Vision(nn.Module):
@@ -70,19 +41,20 @@ class Vision(nn.Module):
 
 
 def write(out, bundle, vision, decoder, text, tokenizer):
-    """Exports all networks, checks them against PyTorch and writes the folder `out`."""
+    """Exports all networks, checks them against PyTorch and writes the folder `out`.
+
+    Returns the least cosine to PyTorch of each graph, by its name.
+    """
     out.mkdir(parents=True, exist_ok=True)
-    image = torch.randn(1, 3, *bundle.size, generator=torch.Generator().manual_seed(0))
+    image = sample(bundle.size)
     codes = torch.randn(64, CODE_SIZE, generator=torch.Generator().manual_seed(1))
-    tokens = torch.tensor([tokenizer.encode(SENTENCES[1]).ids])
     rows = {"codes": {0: "n"}, "features": {0: "n"}}
     if bundle.folded:
         graphs = {"vision": simplified(export(vision, (image,), ["image"], ["codes"]))}
     else:
         graphs = stages(vision, image)
     graphs["decompress"] = export(decoder, (codes,), ["codes"], ["features"], rows)
-    length = {"input_ids": {1: "tokens"}}
-    graphs["text"] = export(text, (tokens,), ["input_ids"], ["embedding"], length)
+    graphs["text"] = text_graph(text, tokenizer)
     for name, model in graphs.items():
         model = half_precision.computed(model) if bundle.precision == "fp16" else model
         onnx.save(model, out / f"{name}.onnx")
@@ -90,12 +62,44 @@ def write(out, bundle, vision, decoder, text, tokenizer):
     del graphs
     tokenizer.save(str(out / "tokenizer.json"))
     with torch.inference_mode():
-        check(out, bundle.precision, "vision", vision, image)
-        check(out, bundle.precision, "decompress", decoder, codes)
-        for sentence in SENTENCES:
-            tokens = torch.tensor([tokenizer.encode(sentence).ids])
-            check(out, bundle.precision, "text", text, tokens)
+        found = {
+            "vision": check(out, bundle.precision, "vision", vision, image),
+            "decompress": check(out, bundle.precision, "decompress", decoder, codes),
+            "text": check_text(out, bundle.precision, text, tokenizer),
+        }
     manifest(bundle, outputs).write(out, bundle.files)
+    return found
+
+
+def write_towers(out, encoder, text, tokenizer, size):
+    """Writes features.onnx (image -> features), text.onnx and tokenizer.json in fp32, checked.
+
+    size: rows and columns of the image. Returns the least cosines to PyTorch as `write` does.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    image = sample(size)
+    features = simplified(export(encoder, (image,), ["image"], ["features"]))
+    onnx.save(features, out / "features.onnx")
+    del features
+    onnx.save(text_graph(text, tokenizer), out / "text.onnx")
+    tokenizer.save(str(out / "tokenizer.json"))
+    with torch.inference_mode():
+        return {
+            "features": check(out, "fp32", "features", encoder, image),
+            "text": check_text(out, "fp32", text, tokenizer),
+        }
+
+
+def sample(size):
+    """A random image [1, 3, rows, columns]."""
+    return torch.randn(1, 3, *size, generator=torch.Generator().manual_seed(0))
+
+
+def text_graph(text, tokenizer):
+    """The text tower as ONNX model for any number of tokens."""
+    tokens = torch.tensor([tokenizer.encode(SENTENCES[1]).ids])
+    length = {"input_ids": {1: "tokens"}}
+    return export(text, (tokens,), ["input_ids"], ["embedding"], length)
 
 
 def stages(vision, image):
@@ -121,7 +125,7 @@ def run(folder, name, value):
 
 
 def check(folder, precision, name, module, value):
-    """Compares PyTorch with ONNX Runtime, prints the least cosine, raises if it is too small."""
+    """The least cosine of ONNX Runtime's result to PyTorch's; raises if it is too small."""
     wanted = module(value).double().numpy()
     started = time.time()
     found = run(folder, name, value.numpy()).astype(np.float64)
@@ -136,44 +140,10 @@ def check(folder, precision, name, module, value):
             f"{name}.onnx: expected a cosine to torch of at least "
             f"{LEAST[precision]}, found {cosine:.6f}"
         )
+    return float(cosine)
 
 
-def manifest(bundle, outputs):
-    """The bundle's manifest; `outputs`: names of the first image graph's outputs."""
-    grid = list(bundle.grid)
-    compressor = {"decoder": {"file": "decompress.onnx", "input": "codes", "output": "features"}}
-    if bundle.folded:
-        vision = {"file": "vision.onnx", "input": "image", "output": "codes", "grid": grid}
-        graphs = {"vision": vision}
-    else:
-        encoder = {"file": "encoder.onnx", "input": "image", "outputs": outputs}
-        srd = {"file": "srd.onnx", "inputs": outputs, "output": "features", "grid": grid}
-        graphs = {"encoder": encoder, "srd": srd}
-        compress = {"file": "compress.onnx", "input": "features", "output": "codes"}
-        compressor = {"encoder": compress, **compressor}
-    return Manifest(
-        name=bundle.name,
-        version="1",
-        licence=bundle.licence,
-        feature_size=bundle.feature,
-        code_size=CODE_SIZE,
-        image={
-            "width": bundle.size[1],
-            "height": bundle.size[0],
-            "fit": "squash",
-            "channel_order": bundle.channel_order,
-            "antialias": False,
-            "mean": bundle.mean,
-            "std": bundle.std,
-        },
-        graphs=graphs,
-        compressor=compressor,
-        text={
-            "file": "text.onnx",
-            "tokenizer": "tokenizer.json",
-            "inputs": ["input_ids"],
-            "output": "embedding",
-            "max_tokens": bundle.context,
-        },
-        relevancy={"temperature": 10.0, "threshold": 0.5, "negatives": NEGATIVES},
-    )
+def check_text(folder, precision, text, tokenizer):
+    """The least cosine of `check` over SENTENCES."""
+    tokens = [torch.tensor([tokenizer.encode(sentence).ids]) for sentence in SENTENCES]
+    return min(check(folder, precision, "text", text, ids) for ids in tokens)

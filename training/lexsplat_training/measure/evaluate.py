@@ -117,7 +117,7 @@ def draw(bundle, path, args):
 def arguments_parser():
     arguments = parser("evaluate", __doc__, EXAMPLE)
     add = arguments.add_argument
-    add("--bundle", type=Path, required=True, help="folder of a bundle with three image graphs")
+    add("--bundle", type=Path, required=True, help="folder of a bundle")
     add(
         "--frames",
         type=Path,

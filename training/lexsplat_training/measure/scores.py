@@ -17,7 +17,7 @@ class Scores(NamedTuple):
     iou_paper: float  # of the paper's protocol (section 4): box-filtered, min-max normalised
     chance: float  # share of the mask in the frame: what a random peak reaches
     peak: float  # of the relevancy
-    decoded: float  # mean cosine of features to themselves decoded from codes, in the mask
+    decoded: float  # mean cosine of features to themselves decoded from codes; NaN if unknown
 
 
 def mean(rows):
@@ -65,6 +65,6 @@ def score(bundle, frame, names, asked):
             iou_paper=iou(scaled > 0.75, mask),
             chance=mask.mean(),
             peak=heat.max(),
-            decoded=(features * direct).sum(-1)[mask].mean(),
+            decoded=np.nan if direct is None else (features * direct).sum(-1)[mask].mean(),
         )
         yield text, found, names[guess]

@@ -141,6 +141,10 @@ class TextTower(nn.Module):
         return self.positional_embedding.shape[0]
 
     def forward(self, tokens):
+        return unit(self.embedding(tokens), 1)
+
+    def embedding(self, tokens):
+        """The embedding before it is scaled to unit length."""
         length = tokens.shape[1]
         x = self.token_embedding(tokens) + self.positional_embedding[:length]
         # The mask is cut from a constant: the export cannot create one of a variable length.
@@ -150,4 +154,10 @@ class TextTower(nn.Module):
             x = through(block, x, lambda tokens, block=block: attended(block, tokens, mask))
         end = self.ln_final(x[:, -1])
         projection = self.text_projection
-        return unit(projection(end) if isinstance(projection, nn.Linear) else end @ projection, 1)
+        return projection(end) if isinstance(projection, nn.Linear) else end @ projection
+
+
+def width(text):
+    """Channels of a text tower's embedding."""
+    projection = text.text_projection
+    return projection.out_features if isinstance(projection, nn.Linear) else projection.shape[1]

@@ -1,4 +1,4 @@
-"""models/tiny's text tower as a function from strings to vectors."""
+"""A bundle's text tower as a function from strings to vectors."""
 
 from pathlib import Path
 
@@ -7,16 +7,21 @@ from tokenizers import Tokenizer
 
 from .session import session
 
-MAX_TOKENS = 64
+MAX_TOKENS = 64  # of models/tiny
 INPUTS = ["input_ids", "attention_mask", "token_type_ids"]
 
 
 class TextEncoder:
     """Strings -> embeddings [n, D] of unit length; each string is computed once."""
 
-    def __init__(self, folder, cache=None):
-        """folder: of text.onnx and tokenizer.json. cache: file that keeps vectors between runs."""
+    def __init__(self, folder, cache=None, limit=MAX_TOKENS):
+        """folder: of text.onnx and tokenizer.json. cache: file that keeps vectors between runs.
+
+        limit: largest number of tokens; further ones are left out.
+        """
         self.tokenizer = Tokenizer.from_file(str(Path(folder) / "tokenizer.json"))
+        self.tokenizer.enable_truncation(limit)
+        self.tokenizer.no_padding()
         self.session = session(Path(folder) / "text.onnx")
         self.cache = cache
         self.known = {}
@@ -25,9 +30,15 @@ class TextEncoder:
                 self.known = dict(zip(kept["names"].tolist(), kept["vectors"], strict=True))
 
     def tokens(self, text):
-        """The graph's inputs for a string."""
-        ids = np.array([self.tokenizer.encode(text).ids[:MAX_TOKENS]], np.int64)
-        return dict(zip(INPUTS, (ids, np.ones_like(ids), np.zeros_like(ids)), strict=True))
+        """The graph's inputs for a string; a graph of a fixed length gets zeros behind them."""
+        ids = self.tokenizer.encode(text).ids
+        declared = self.session.get_inputs()[0].shape[1]
+        length = declared if isinstance(declared, int) else len(ids)
+        filled = np.zeros((1, length), np.int64)
+        filled[0, : len(ids)] = ids
+        mask = (np.arange(length) < len(ids)).astype(np.int64)[None]
+        values = dict(zip(INPUTS, (filled, mask, np.zeros_like(filled)), strict=True))
+        return {given.name: values[given.name] for given in self.session.get_inputs()}
 
     def __call__(self, texts):
         fresh = [text for text in dict.fromkeys(texts) if text not in self.known]
