@@ -20,7 +20,7 @@ from ..networks.vectors import unit
 from ..runtime.bundle import Encoders
 from . import graphs
 
-WEIGHT = 0.9  # of the second encoder's features
+WEIGHT = 0.6  # of the second encoder's features
 EXAMPLE = """\
 --first mean --trunk efficientnet-lite2.pth --head head/head.pt --out pair"""
 GRID = tuple(side // STRIDE for side in IMAGE_SHAPE)
