@@ -2,12 +2,14 @@
 //! builds of the server that are compared in turns.
 
 use lexsplat_client::Access;
-use lexsplat_client::dataset::FrameRange;
+use lexsplat_client::dataset::{Dataset as _, FrameRange};
 use lexsplat_client::stream::{Encoder, Poses};
-use lexsplat_evaluate::{EvaluateError, Options, Report, Step, Target, evaluate, markdown, plot};
+use lexsplat_evaluate::{
+    EvaluateError, LabelSource, Options, Report, Step, Target, evaluate, markdown, plot,
+};
 use lexsplat_synthetic::SyntheticDataset;
 use lexsplat_tests::{Server, program, root, tiny_config};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs::Permissions;
 use std::num::NonZeroUsize;
 use std::os::unix::fs::PermissionsExt as _;
@@ -17,10 +19,10 @@ use std::sync::Arc;
 
 const FRAMES: usize = 18;
 
-fn options(language: bool) -> Options {
+fn options(labels: Option<LabelSource>) -> Options {
     let hold_out_every = NonZeroUsize::new(4);
     let (poses, encoder) = (Poses::Given, Encoder::Bundle);
-    Options { poses, encoder, hold_out_every, language, lpips: None, converged: false }
+    Options { poses, encoder, hold_out_every, labels, lpips: None, converged: false }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -44,7 +46,9 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
         };
         steps[at] = true;
     };
-    let measured = evaluate(open(), &target, options(true), on_step).await.expect("it is measured");
+    let measured = evaluate(open(), &target, options(Some(LabelSource::Masks)), on_step)
+        .await
+        .expect("it is measured");
     let report = &measured.report;
     println!("{}", markdown(report, &[]));
     assert!(steps[0] && steps[2..].iter().all(|step| *step), "{steps:?}");
@@ -81,7 +85,7 @@ async fn a_room_is_measured_and_a_used_map_is_refused() {
     assert!(measured.samples.len() == 4 && plot::psnr(&report.views).is_some());
     assert!(plot::stages(&report.stages, report.frames).is_some());
 
-    let again = evaluate(open(), &target, options(false), |_| {}).await;
+    let again = evaluate(open(), &target, options(None), |_| {}).await;
     assert!(
         matches!(again, Err(EvaluateError::MapInUse { frames, .. }) if frames == FRAMES as u64),
         "{again:?}"
@@ -95,8 +99,9 @@ fn assert_language_is_scored(report: &Report) {
     assert!(language.classes.len() >= 5, "{:?}", language.classes);
     let scene = &language.scene;
     // Knows much more than a map that knows nothing, whose precision is the share.
-    assert!(scene.average_precision > 2.0 * scene.share, "{scene:?}");
-    assert!(scene.loc_box > 0.5 && scene.loc_box >= scene.loc_mask, "{scene:?}");
+    let masks = scene.masks.expect("the room has masks");
+    assert!(masks.average_precision > 2.0 * masks.share, "{scene:?}");
+    assert!(scene.loc_box > 0.5 && scene.loc_box >= masks.loc_mask, "{scene:?}");
     let space = report.space.as_ref().expect("the room knows its things");
     assert_eq!(space.labels.len(), language.classes.len());
     let chamfer = space.means.chamfer_m.expect("something is found");
@@ -180,6 +185,56 @@ fn a_build_is_as_good_as_itself_and_one_with_fewer_steps_is_not() {
     let other = written(&versus(&fewer, "1", &out), &out);
     let psnr = &quantity(&other, "PSNR held out, dB")["ratio"]["mean"];
     assert!(psnr.as_f64() > Some(1.0), "{psnr}");
+}
+
+/// `lexsplat evaluate --labels FILE` on the first frames of a room.
+fn labelled(file: &Path, labels: &Value, out: &Path) -> Output {
+    std::fs::write(file, labels.to_string()).expect("it is written");
+    let mut command = Command::new(program("lexsplat"));
+    command.args(["evaluate", "--dataset", "synthetic:8", "--frames", "8", "--held-out", "4"]);
+    command.args(["--config", "configs/tiny.toml", "--labels"]).arg(file).arg("--out").arg(out);
+    command.current_dir(root()).output().expect("it runs")
+}
+
+#[test]
+fn the_labels_of_a_file_are_asked_in_its_frames() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("labels.json");
+    let dataset = SyntheticDataset::new(8);
+    let (width, height) = (dataset.intrinsics().width, dataset.intrinsics().height);
+    let everywhere = json!([[0, 0, width, height]]);
+    let object = |boxes: &Value| json!({"label": "sofa", "boxes": boxes});
+    let frame = |number: u64, boxes: &Value| json!({"frame": number, "objects": [object(boxes)]});
+    // The last frame is in the room, but not among those that are sent.
+    let frames = json!([
+        frame(3, &everywhere),
+        frame(5, &json!([[0, 0, 1, 1]])),
+        frame(dataset.len() as u64 - 1, &everywhere)
+    ]);
+    let queries = json!([{"label": "sofa", "query": "sofa", "synonyms": ["couch"]}]);
+    let mut labels = json!({"queries": queries, "frames": frames, "absent": ["piano", "bicycle"]});
+    let run = labelled(&file, &labels, folder.path());
+    let said = String::from_utf8_lossy(&run.stdout);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert!(said.contains("Loc synonyms") && said.contains("absent said rightly"), "{said}");
+    let text = std::fs::read(folder.path().join("report.json")).expect("it is written");
+    let report: Value = serde_json::from_slice(&text).expect("it is JSON");
+    let language = &report["language"];
+    assert_eq!(language["test_frames"], json!([3, 5]), "{language}");
+    assert_eq!(language["file"], "labels.json");
+    // A box that is the frame has every peak, and one of a pixel has none.
+    let class = &language["classes"][0];
+    assert_eq!((&class["loc_box"], &class["loc_synonyms"]), (&json!(0.5), &json!(0.5)), "{class}");
+    assert!(report["miou"].is_null() && report["space"].is_null(), "boxes are no masks");
+    assert_eq!(report["loc_accuracy"], 0.5);
+    let judged = report["presence"]["judgements"].as_array().expect("a list").len();
+    assert_eq!(judged, 1 + 2 + 2 * (1 + 2), "the map, and both frames");
+
+    labels["frames"][0]["objects"][0]["label"] = "sofas".into();
+    let run = labelled(&file, &labels, folder.path());
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert!(said.contains("frame 3: label \"sofas\" is not among the queries"), "{said}");
+    assert!(!run.status.success());
 }
 
 #[test]

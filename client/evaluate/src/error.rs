@@ -33,6 +33,14 @@ pub enum EvaluateError {
         /// The first refusal, if there is one.
         reason: String,
     },
+    /// No frame that a file of labels describes was tracked.
+    #[error(
+        "labels: none of the {labelled} frames of the file is in the map, so nothing can be asked"
+    )]
+    NothingLabelled {
+        /// Frames in the file.
+        labelled: usize,
+    },
     /// The server rendered an image of the wrong size.
     #[error("frame {sequence}: expected a picture of {expected:?}, found {found:?}")]
     Size {

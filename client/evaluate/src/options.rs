@@ -1,5 +1,6 @@
 //! What is to be evaluated, and on which server.
 
+use crate::labels::LabelSource;
 use crate::lpips::Lpips;
 use lexsplat_client::Access;
 use lexsplat_client::stream::{Encoder, Poses};
@@ -44,8 +45,8 @@ pub struct Options {
     pub hold_out_every: Option<NonZeroUsize>,
     /// Whether the map is measured after it was refined, not as soon as it is settled.
     pub converged: bool,
-    /// Whether queries are asked and scored, if the data set has masks.
-    pub language: bool,
+    /// The labels that are asked for and scored; `None`: nothing is asked.
+    pub labels: Option<LabelSource>,
     /// The network for LPIPS; `None`: LPIPS is not scored.
     pub lpips: Option<Lpips>,
 }

@@ -10,25 +10,12 @@
 
 use crate::context::Context;
 use crate::error::EvaluateError;
-use crate::labels::{LEAST_PIXELS, shows};
+use crate::labels::{Labels, Sight};
 use crate::statistics::{mean, spread};
 use crate::step::Step;
-use lexsplat_client::dataset::Truth;
 use lexsplat_client::http::{Answer, Question};
 use serde::Serialize;
 
-/// Household nouns; those that the scene has are left out.
-#[rustfmt::skip]
-const ABSENT: [&str; 40] = [
-    "washing machine", "vacuum cleaner", "ironing board", "aquarium", "bird cage", "candle",
-    "toaster", "hair dryer", "sewing machine", "christmas tree", "rocking horse", "fireplace",
-    "bathtub", "toilet", "piano", "guitar", "umbrella", "scissors", "banana", "pizza", "bicycle",
-    "tennis racket", "skateboard", "microwave", "broom", "bucket", "ladder", "backpack", "suitcase",
-    "teddy bear", "hammock", "dishwasher", "toothbrush", "shower", "watering can", "typewriter",
-    "wheelchair", "violin", "baby crib", "chessboard",
-];
-/// Number of absent nouns that are asked for.
-pub const ABSENT_NOUNS: usize = 30;
 /// Number of views in which each noun is asked.
 pub const VIEWS: usize = 6;
 /// Bins of a reliability curve.
@@ -133,43 +120,60 @@ pub struct Presence {
     pub judgements: Vec<Judgement>,
 }
 
+/// Asks for things that are there in the whole map.
+pub(crate) async fn ask_for(
+    context: &Context<'_>,
+    texts: &[String],
+) -> Result<Vec<Judgement>, EvaluateError> {
+    in_space(context, texts, true).await
+}
+
 /// Asks for absent nouns in the whole map, and for absent nouns and labels in some views.
 pub(crate) async fn ask(
     context: &Context<'_>,
-    truth: &dyn Truth,
-    labels: &[String],
-    frames: &[usize],
+    labels: &Labels<'_>,
     on_step: &mut impl FnMut(Step<'_>),
 ) -> Result<Vec<Judgement>, EvaluateError> {
-    let is_there = |noun: &str| truth.instances().iter().any(|thing| thing.class == noun);
-    let absent: Vec<&str> =
-        ABSENT.into_iter().filter(|noun| !is_there(noun)).take(ABSENT_NOUNS).collect();
-    let mut judgements = Vec::new();
-    for noun in &absent {
-        let answer = context.client.query(context.map, &Question::in_space(noun)).await?;
-        judgements.push(Judgement::in_space(&answer, false));
-    }
-    let views = spread(frames, VIEWS);
+    let mut judgements = in_space(context, &labels.absent, false).await?;
+    let views = spread(&labels.frames, VIEWS);
     for (done, &index) in views.iter().enumerate() {
         on_step(Step::Judging { done, of: views.len() });
-        let (frame, mask) = (context.dataset.sequence(index), truth.mask(index)?);
-        let pixels = |label: &String| {
-            shows(&mask, truth, label).into_iter().filter(|is_shown| *is_shown).count()
-        };
-        // A label with a few pixels counts neither as present nor as absent.
-        let labels = labels.iter().map(|label| (label.as_str(), pixels(label)));
-        let clear = labels.filter(|(_, pixels)| *pixels == 0 || *pixels >= LEAST_PIXELS);
-        for (noun, pixels) in clear.chain(absent.iter().map(|noun| (*noun, 0))) {
+        let (frame, sights) = (context.dataset.sequence(index), labels.sights.of(index)?);
+        let sights = labels.labels.iter().zip(sights).filter_map(|(label, sight)| match sight {
+            Sight::Shown(_) => Some((&label.query, true)),
+            Sight::Hidden => Some((&label.query, false)),
+            Sight::Unclear => None,
+        });
+        for (noun, there) in sights.chain(labels.absent.iter().map(|noun| (noun, false))) {
             let question = Question::in_frame(noun, frame);
             let answer = context.client.query(context.map, &question).await?;
-            judgements.push(Judgement::in_view(&answer, frame, pixels > 0));
+            judgements.push(Judgement::in_view(&answer, frame, there));
         }
     }
     on_step(Step::Judging { done: views.len(), of: views.len() });
     Ok(judgements)
 }
 
+async fn in_space(
+    context: &Context<'_>,
+    texts: &[String],
+    there: bool,
+) -> Result<Vec<Judgement>, EvaluateError> {
+    let mut judgements = Vec::with_capacity(texts.len());
+    for text in texts {
+        let answer = context.client.query(context.map, &Question::in_space(text)).await?;
+        judgements.push(Judgement::in_space(&answer, there));
+    }
+    Ok(judgements)
+}
+
 impl Presence {
+    /// Whether the map says that a label is there; `None` if it was not asked for.
+    pub(crate) fn of_label(&self, query: &str) -> Option<bool> {
+        let mut own = self.judgements.iter().filter(|one| one.frame.is_none() && one.there);
+        own.find(|one| one.text == query).map(|one| one.present)
+    }
+
     /// Scores answers; `labels` are those that count for the whole map.
     pub fn of(judgements: Vec<Judgement>, labels: &[String]) -> Self {
         let accuracy = |test: &dyn Fn(&Judgement) -> bool| {

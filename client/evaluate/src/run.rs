@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::error::EvaluateError;
+use crate::labels::Labels;
 use crate::options::{Options, Target};
 use crate::probe::{self, Probe, ProbeTimes};
 use crate::process::processor_seconds;
@@ -63,14 +64,21 @@ pub async fn evaluate(
     let selection = Selection::of(&seen, &estimate, &mapped.summary, options.hold_out_every);
     let lpips = options.lpips.take();
     let views = views::score(&context, &selection.views(), lpips, &mut on_step).await?;
-    let words = match context.dataset.truth().filter(|_| options.language) {
-        Some(truth) => {
+    let source = options.labels.take();
+    let labels = match &source {
+        Some(source) => {
+            Labels::of(source, context.dataset, &selection.tracked, selection.unseen())?
+        }
+        None => None,
+    };
+    let words = match &labels {
+        Some(labels) => {
             // A map of given poses is in the data set's world already.
             let truth_from_map = match options.poses {
                 Poses::Given => Isometry3::identity(),
                 Poses::Estimate => align(&trajectory),
             };
-            Some(words::score(&context, truth, &selection, &truth_from_map, &mut on_step).await?)
+            Some(words::score(&context, labels, &truth_from_map, &mut on_step).await?)
         }
         None => None,
     };

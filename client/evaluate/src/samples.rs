@@ -4,7 +4,7 @@
 use crate::context::{Context, Relevancy};
 use crate::error::EvaluateError;
 use crate::labels::smoothing;
-use crate::language::{LabelScore, Language};
+use crate::language::{LabelScore, Language, MaskScore};
 use crate::overlay;
 use crate::recorded::Seen;
 use crate::views::ViewScore;
@@ -63,14 +63,14 @@ pub(crate) async fn take(
     }
     let Some(language) = language else { return Ok(samples) };
     for rank in Rank::BOTH {
-        let Some(class) = rank.of(&language.classes, |class| class.means.average_precision) else {
+        let Some(class) = rank.of(&language.classes, |class| class.means.quality()) else {
             continue;
         };
         let own: Vec<&LabelScore> =
             language.scores.iter().filter(|score| score.label == class.label).collect();
-        let Some(score) = rank.of(&own, |score| score.average_precision) else { continue };
+        let Some(score) = rank.of(&own, |score| score.quality()) else { continue };
         let (target, render) = pair(context, score.sequence, seen).await?;
-        let Relevancy { heatmap, .. } = context.relevancy(&class.label, score.sequence).await?;
+        let Relevancy { heatmap, .. } = context.relevancy(&class.query, score.sequence).await?;
         let smooth = heatmap.smoothed(smoothing(heatmap.width));
         let shape = vec![smooth.values.len() / smooth.width, smooth.width];
         let mut heat = overlay::heat(&render, &Array { shape, values: smooth.values.clone() });
@@ -78,17 +78,25 @@ pub(crate) async fn take(
             overlay::ring(&mut heat, x as f32, y as f32);
         }
         let words = format!(
-            "{} in frame {}: target, render, relevancy; AP {:.2}, IoU {:.2} at 0.5, {:.2} at {:.2}",
+            "{} in frame {}: target, render, relevancy; {}",
             class.label,
             score.sequence,
-            score.average_precision,
-            score.iou_paper,
-            score.iou_bundle,
-            language.bundle_threshold
+            in_words(score, language.bundle_threshold)
         );
         samples.push(sample(format!("{}-class", rank.name()), words, &[target, render, heat]));
     }
     Ok(samples)
+}
+
+/// The score of a label in a frame.
+fn in_words(score: &LabelScore, threshold: f32) -> String {
+    match &score.on_mask {
+        Some(MaskScore { average_precision, iou_paper, iou_bundle, .. }) => format!(
+            "AP {average_precision:.2}, IoU {iou_paper:.2} at 0.5, {iou_bundle:.2} at {threshold:.2}"
+        ),
+        None if score.peak_in_box => "the peak lies in a box".into(),
+        None => "the peak lies in no box".into(),
+    }
 }
 
 async fn pair(

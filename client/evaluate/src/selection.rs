@@ -1,8 +1,6 @@
 //! Which frames are rendered and which are asked about.
 
-use crate::labels::TEST_FRAMES;
 use crate::recorded::Seen;
-use crate::statistics::spread;
 use crate::trajectory::StampedPose;
 use crate::views::{HELD_OUT_EVERY, SelectedView};
 use lexsplat_client::stream::Summary;
@@ -55,10 +53,9 @@ impl Selection {
         views
     }
 
-    /// Frames to ask about; keyframes only if there are no others.
-    pub fn test_frames(&self) -> Vec<usize> {
-        let of = if self.others.is_empty() { &self.tracked } else { &self.others };
-        spread(of, TEST_FRAMES)
+    /// Tracked frames that are no keyframe; all tracked ones if there are no others.
+    pub fn unseen(&self) -> &[usize] {
+        if self.others.is_empty() { &self.tracked } else { &self.others }
     }
 }
 
@@ -83,10 +80,10 @@ mod tests {
             views.iter().filter(|view| !view.keyframe).map(|view| view.index).collect();
         assert_eq!(held_out, [1, 7, 13, 18]);
         assert_eq!(views.iter().filter(|view| view.keyframe).count(), 2);
-        assert!(!chosen.test_frames().contains(&3) && !chosen.test_frames().contains(&0));
+        assert!(!chosen.unseen().contains(&3) && !chosen.unseen().contains(&0));
         let every = NonZeroUsize::new(8);
         assert_eq!(Selection::of(&seen, &estimate, &summary, every).held_out, [7, 15]);
         let only_keys = Selection { others: Vec::new(), ..chosen };
-        assert_eq!(only_keys.test_frames().len(), 19);
+        assert_eq!(only_keys.unseen().len(), 19);
     }
 }

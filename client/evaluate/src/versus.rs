@@ -254,7 +254,7 @@ fn quality(rounds: &[[Report; 2]]) -> Vec<Quantity> {
             ("PSNR keyframes, dB", 3, Unit::Other, &|report| report.keyframe_views.psnr_db),
             ("mIoU at 0.5", 4, Unit::Other, &|report| report.miou),
             ("mIoU at the bundle's threshold", 4, Unit::Other, &|report| {
-                Some(report.language.as_ref()?.scene.miou_bundle)
+                Some(report.language.as_ref()?.scene.masks?.miou_bundle)
             }),
             ("Loc, peak in a box", 4, Unit::Other, &|report| report.loc_accuracy),
             ("3D Chamfer over labels, m", 4, Unit::Other, &|report| report.chamfer_m),

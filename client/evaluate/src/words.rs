@@ -2,21 +2,19 @@
 
 use crate::context::Context;
 use crate::error::EvaluateError;
-use crate::labels::{self, COUNTED_EVERY};
+use crate::labels::Labels;
 use crate::language::{self, Language};
 use crate::presence::{self, Presence};
-use crate::selection::Selection;
 use crate::space::{self, Space};
 use crate::step::Step;
-use lexsplat_client::dataset::Truth;
 use nalgebra::Isometry3;
 
 /// All scores of language.
 pub(crate) struct LanguageScores {
     /// Queries about frames.
     pub language: Language,
-    /// Queries about the whole map.
-    pub space: Space,
+    /// Queries about the whole map; absent without masks.
+    pub space: Option<Space>,
     /// Presence and absence.
     pub presence: Presence,
 }
@@ -24,17 +22,20 @@ pub(crate) struct LanguageScores {
 /// Asks and scores all queries; `truth_from_map` moves the map into the data set's world.
 pub(crate) async fn score(
     context: &Context<'_>,
-    truth: &dyn Truth,
-    selection: &Selection,
+    labels: &Labels<'_>,
     truth_from_map: &Isometry3<f64>,
     on_step: &mut impl FnMut(Step<'_>),
 ) -> Result<LanguageScores, EvaluateError> {
-    let counted: Vec<usize> = selection.tracked.iter().copied().step_by(COUNTED_EVERY).collect();
-    let labels = labels::most_visible(truth, &counted)?;
-    let frames = selection.test_frames();
-    let language = language::score(context, truth, &labels, &frames, on_step).await?;
-    let (space, mut judgements) =
-        space::score(context, truth, &labels, truth_from_map, on_step).await?;
-    judgements.extend(presence::ask(context, truth, &labels, &frames, on_step).await?);
-    Ok(LanguageScores { language, space, presence: Presence::of(judgements, &labels) })
+    let language = language::score(context, labels, on_step).await?;
+    let queries = labels.queries();
+    let (space, mut judgements) = match labels.masks {
+        Some(truth) => {
+            let (space, judgements) =
+                space::score(context, truth, &queries, truth_from_map, on_step).await?;
+            (Some(space), judgements)
+        }
+        None => (None, presence::ask_for(context, &queries).await?),
+    };
+    judgements.extend(presence::ask(context, labels, on_step).await?);
+    Ok(LanguageScores { language, space, presence: Presence::of(judgements, &queries) })
 }

@@ -14,7 +14,7 @@ use anyhow::{Result, bail};
 use lexsplat_client::dataset::{Dataset, FrameRange};
 use lexsplat_client::stream::{Encoder, Poses};
 use lexsplat_evaluate::table::{Column, markdown_table, table};
-use lexsplat_evaluate::{Options, Report};
+use lexsplat_evaluate::{LabelSource, Options, Report};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -155,7 +155,7 @@ async fn one(arguments: &Ablate, dataset: &Arc<dyn Dataset>, variant: &Variant) 
         encoder: variant.encoder,
         hold_out_every: None,
         converged: false,
-        language: true,
+        labels: Some(LabelSource::Masks),
         lpips: None,
     };
     let evaluation = measure_own(plan, dataset.clone(), None, options).await?;
@@ -178,7 +178,8 @@ fn rows(measured: &[(&Variant, Report)]) -> Vec<Vec<String>> {
         None => "-".to_owned(),
     };
     let row = |(variant, report): &(&Variant, Report)| {
-        let precision = report.language.as_ref().map(|language| language.scene.average_precision);
+        let masks = report.language.as_ref().and_then(|language| language.scene.masks);
+        let precision = masks.map(|masks| masks.average_precision);
         vec![
             variant.name.to_owned(),
             number(report.psnr_db, 2),

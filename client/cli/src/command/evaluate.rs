@@ -13,7 +13,9 @@ use crate::server::{self, Plan};
 use anyhow::{Result, bail};
 use lexsplat_client::dataset::{Against, Dataset, FrameRange};
 use lexsplat_evaluate::table::{Column, table};
-use lexsplat_evaluate::{Evaluation, Lpips, Options, Report, Target, rows};
+use lexsplat_evaluate::{
+    Evaluation, LabelFile, LabelSource, Lpips, Options, Report, Target, label_table, rows,
+};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,6 +28,7 @@ use std::sync::Arc;
                   lexsplat evaluate --dataset replica:room0 --language --encoder oracle\n  \
                   lexsplat evaluate --dataset synthetic:7 --poses estimate --sensor d435 --shake 0.5\n  \
                   lexsplat evaluate --dataset replica:room0 --frames 60 --versus old/lexsplat-server\n  \
+                  lexsplat evaluate --dataset 7scenes:kitchen --labels kitchen/labels.json\n  \
                   lexsplat evaluate --dataset tum:fr3_office --poses estimate \
                   --grpc 127.0.0.1:50051 --http 127.0.0.1:8080"
 )]
@@ -65,6 +68,9 @@ pub struct Evaluate {
     /// Ask for the most visible classes and score the answers; needs masks
     #[arg(long)]
     language: bool,
+    /// Ask for the labels of this file in its frames and score the answers; for data sets without masks
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["language", "passes"])]
+    labels: Option<PathBuf>,
     /// Score views with LPIPS by this ONNX network: in two images [1, 3, height, width] in -1..1,
     /// out one number; ORT_DYLIB_PATH names ONNX Runtime's library
     #[arg(long, value_name = "FILE")]
@@ -163,10 +169,23 @@ fn open(arguments: &Evaluate) -> Result<Arc<dyn Dataset>> {
             );
         }
         if asked && dataset.truth().is_none() {
-            bail!("{option}: {} has no masks: leave it out", arguments.dataset);
+            bail!(
+                "{option}: {} has no masks: leave it out, or name a file of labels with --labels",
+                arguments.dataset
+            );
         }
     }
     Ok(dataset)
+}
+
+/// What is asked.
+fn labels(arguments: &Evaluate) -> Result<Option<LabelSource>> {
+    let Some(path) = &arguments.labels else {
+        return Ok(arguments.language.then_some(LabelSource::Masks));
+    };
+    // Also frames that are not sent, or have no pose, are frames of the data set.
+    let whole = arguments.dataset.whole(0.0, Poses::Estimate.into())?;
+    Ok(Some(LabelSource::File(LabelFile::read(path, &*whole)?)))
 }
 
 /// What to measure.
@@ -176,7 +195,7 @@ fn options(arguments: &Evaluate) -> Result<Options> {
         encoder: arguments.encoder.into(),
         hold_out_every: NonZeroUsize::new(arguments.held_out),
         converged: arguments.converged,
-        language: arguments.language,
+        labels: labels(arguments)?,
         lpips: arguments.lpips.as_deref().map(Lpips::load).transpose()?,
     })
 }
@@ -197,18 +216,6 @@ fn print(report: &Report) -> Result<(), OutputError> {
     say!("{} on {}, networks {}\n", report.dataset, report.adapter, report.bundle)?;
     say_part!("{}", table(&columns, &cells))?;
     let Some(language) = &report.language else { return Ok(()) };
-    let rows: Vec<Vec<String>> = language
-        .classes
-        .iter()
-        .map(|class| {
-            let m = &class.means;
-            let numbers = [m.share, m.miou_paper, m.miou_bundle, m.loc_box, m.average_precision];
-            let cells = [class.label.clone(), class.frames.to_string()].into_iter();
-            cells.chain(numbers.map(|number| format!("{number:.3}"))).collect()
-        })
-        .collect();
-    let threshold = format!("IoU at {:.2}", language.bundle_threshold);
-    let columns = ["class", "frames", "share", "IoU at 0.5", &threshold, "Loc", "AP"]
-        .map(|name| if name == "class" { Column::left(name) } else { Column::right(name) });
-    say_part!("\n{}", table(&columns, &rows))
+    let labels = label_table(language, report.presence.as_ref(), true);
+    say_part!("\n{}", table(&labels.columns(), &labels.rows))
 }

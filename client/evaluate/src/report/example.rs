@@ -3,7 +3,7 @@
 use super::paper::PAPER;
 use super::record::Report;
 use super::scaled::Scaled;
-use crate::language::{ClassScore, LabelMeans, Language, Latency};
+use crate::language::{ClassScore, LabelMeans, Language, Latency, MaskMeans};
 use crate::presence::{Judgement, Presence};
 use crate::probe::{Probe, ProbeTimes, REFERENCE, Repeated};
 use crate::space::{CountScore, Space, SpaceMeans, SpaceScore};
@@ -28,11 +28,13 @@ fn example_space() -> Space {
 }
 
 fn example_language(scene: LabelMeans) -> Language {
+    let (label, query) = ("sofa".to_owned(), "sofa".to_owned());
     Language {
+        file: None,
         test_frames: vec![1, 6],
         bundle_threshold: 0.87,
         scene,
-        classes: vec![ClassScore { label: "sofa".into(), frames: 2, means: scene }],
+        classes: vec![ClassScore { label, query, frames: 2, means: scene }],
         latency: Latency { questions: 20, p50_ms: 25.0, p99_ms: 310.0, mean_ms: 30.0 },
         scores: Vec::new(),
     }
@@ -83,17 +85,17 @@ pub fn example_probe() -> Probe {
 
 /// A report with a value in every field.
 pub fn example_report() -> Report {
-    let scene = LabelMeans {
+    let masks = MaskMeans {
         share: 0.06,
         miou_paper: 0.21,
         miou_unscaled: 0.19,
         miou_bundle: 0.44,
         miou_released: 0.33,
         miou_argmax: 0.5,
-        loc_box: 0.91,
         loc_mask: 0.85,
         average_precision: 0.6,
     };
+    let scene = LabelMeans { loc_box: 0.91, loc_synonyms: None, masks: Some(masks) };
     let views = example_views();
     let stage = Stage { count: 40, seconds: 0.4, mean_ms: 10.0 };
     let stages = [("decode".to_owned(), stage)].into();

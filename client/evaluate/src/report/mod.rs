@@ -2,6 +2,7 @@
 
 #[cfg(test)]
 pub(crate) mod example;
+mod label_table;
 mod machine;
 mod page;
 mod paper;
@@ -10,6 +11,7 @@ mod record;
 mod rows;
 mod scaled;
 
+pub use label_table::{LabelTable, label_table};
 pub use page::markdown;
 pub use paper::Paper;
 pub(crate) use record::Measured;

@@ -1,11 +1,12 @@
 //! The report as a page of Markdown: numbers beside the paper's, classes, stages, protocol and the
 //! server's settings. Images are only referred to.
 
+use super::label_table::label_table;
 use super::machine::machine;
 use super::protocol::protocol;
 use super::record::Report;
 use super::rows::rows;
-use crate::language::{ClassScore, Language};
+use crate::language::Language;
 use crate::presence::{Presence, Reliability};
 use crate::space::{CountScore, Space, SpaceScore};
 use crate::table::{Column, markdown_table};
@@ -15,7 +16,9 @@ use std::fmt::Write as _;
 pub fn markdown(report: &Report, pictures: &[(String, String)]) -> String {
     let mut page = heading(report);
     page += &overview(report);
-    page += &report.language.as_ref().map(classes).unwrap_or_default();
+    if let Some(language) = &report.language {
+        page += &classes(language, report.presence.as_ref());
+    }
     page += &report.space.as_ref().map(space).unwrap_or_default();
     page += &report.presence.as_ref().map(presence).unwrap_or_default();
     page += &stages(report);
@@ -98,39 +101,20 @@ fn named_columns<'a>(names: &[&'a str]) -> Vec<Column<'a>> {
     names.iter().enumerate().map(column).collect()
 }
 
-fn classes(language: &Language) -> String {
-    let frames = language.test_frames.len();
-    let at_bundle = format!("IoU at {:.2}", language.bundle_threshold);
-    let columns = named_columns(&[
-        "class",
-        "frames",
-        "share",
-        "IoU at 0.5",
-        &at_bundle,
-        "IoU released",
-        "IoU argmax",
-        "Loc box",
-        "Loc object",
-        "AP",
-    ]);
-    let row = |ClassScore { label, frames, means: m }: &ClassScore| {
-        let ious = [m.share, m.miou_paper, m.miou_bundle, m.miou_released, m.miou_argmax];
-        let mut cells = vec![label.clone(), frames.to_string()];
-        cells.extend(ious.map(|value| format!("{value:.3}")));
-        cells.extend([m.loc_box, m.loc_mask].map(|value| format!("{value:.2}")));
-        cells.push(format!("{:.3}", m.average_precision));
-        cells
+fn classes(language: &Language, presence: Option<&Presence>) -> String {
+    let table = label_table(language, presence, false);
+    let labels = match &language.file {
+        Some(file) => format!("The {} labels of {file}", language.classes.len()),
+        None => format!("The {} classes with most pixels", language.classes.len()),
     };
-    let mean = ClassScore { label: "**mean over frames**".into(), frames, means: language.scene };
-    let cells: Vec<Vec<String>> = language.classes.iter().chain([&mean]).map(row).collect();
     format!(
-        "\n## Queries about frames\n\nThe {} classes with most pixels, asked by name in {frames} frames; \
-         {} queries, median latency {:.0} ms, 99th percentile {:.0} ms.\n\n{}",
-        language.classes.len(),
+        "\n## Queries about frames\n\n{labels}, asked by name in {} frames; {} queries, median latency \
+         {:.0} ms, 99th percentile {:.0} ms.\n\n{}",
+        language.test_frames.len(),
         language.latency.questions,
         language.latency.p50_ms,
         language.latency.p99_ms,
-        markdown_table(&columns, &cells)
+        markdown_table(&table.columns(), &table.rows)
     )
 }
 
@@ -271,7 +255,7 @@ mod tests {
             "# room7: 40 frames of 320x240, poses given, language by the server's networks",
             "| PSNR held out, dB | 22.00 | 35.81 |",
             "another data set",
-            "| sofa | 2 | 0.060 | 0.210 | 0.440 | 0.330 | 0.500 | 0.91 | 0.85 | 0.600 |",
+            "| sofa | 2 | 0.060 | 0.210 | 0.440 | 0.330 | 0.500 | 0.91 | 0.85 | 0.600 | yes |",
             "IoU at 0.87",
             "median latency 25 ms",
             "| wall | 900 | 4000 | 0.120 | 0.050 | 0.070 | – | 0.09, 0.05 |",

@@ -188,7 +188,7 @@ impl Report {
             ssim: held_out.ssim,
             lpips: held_out.lpips,
             depth_l1_m: held_out.depth_l1_m,
-            miou: scene.map(|scene| scene.miou_paper),
+            miou: scene.and_then(|scene| Some(scene.masks?.miou_paper)),
             loc_accuracy: scene.map(|scene| scene.loc_box),
             chamfer_m: space.as_ref().and_then(|space| space.means.chamfer_m),
             emd_m: space.as_ref().and_then(|space| space.means.emd_m),
@@ -210,7 +210,7 @@ impl Report {
 fn parts(words: Option<LanguageScores>) -> (Option<Language>, Option<Space>, Option<Presence>) {
     match words {
         Some(LanguageScores { language, space, presence }) => {
-            (Some(language), Some(space), Some(presence))
+            (Some(language), space, Some(presence))
         }
         None => (None, None, None),
     }

@@ -3,7 +3,7 @@
 
 use super::paper::PAPER;
 use super::record::{Refined, Report};
-use crate::language::Language;
+use crate::language::{LabelMeans, Language};
 use crate::presence::Presence;
 use crate::space::Space;
 use crate::views::ViewMeans;
@@ -128,26 +128,36 @@ fn view_rows(names: &ViewNames, means: &ViewMeans) -> Vec<Row> {
 }
 
 fn language_rows(language: &Language) -> Vec<Row> {
-    let scene = &language.scene;
+    let LabelMeans { loc_box, loc_synonyms, masks } = language.scene;
     let row = |what, value: f64, paper: &str| Row {
         what,
         value: format!("{value:.3}"),
         paper: paper.to_owned(),
     };
-    let paper_miou = PAPER.miou.to_string();
-    vec![
-        row("mIoU at 0.5 (as in the paper)", scene.miou_paper, &paper_miou),
-        row("  filter of 20 pixels at any size", scene.miou_unscaled, ""),
-        row("mIoU at the bundle's threshold", scene.miou_bundle, ""),
-        row("mIoU as the released script has it", scene.miou_released, ""),
-        row("mIoU closed set (argmax)", scene.miou_argmax, ""),
-        row("Loc, peak in a box", scene.loc_box, &PAPER.loc_accuracy.to_string()),
-        row("Loc, peak on the thing", scene.loc_mask, ""),
-        row("average precision, no threshold", scene.average_precision, ""),
-        row("  of a map that knows nothing", scene.share, ""),
+    let mut rows = Vec::new();
+    if let Some(masks) = &masks {
+        rows.extend([
+            row("mIoU at 0.5 (as in the paper)", masks.miou_paper, &PAPER.miou.to_string()),
+            row("  filter of 20 pixels at any size", masks.miou_unscaled, ""),
+            row("mIoU at the bundle's threshold", masks.miou_bundle, ""),
+            row("mIoU as the released script has it", masks.miou_released, ""),
+            row("mIoU closed set (argmax)", masks.miou_argmax, ""),
+        ]);
+    }
+    rows.push(row("Loc, peak in a box", loc_box, &PAPER.loc_accuracy.to_string()));
+    rows.extend(loc_synonyms.map(|share| row("  asked by synonyms", share, "")));
+    if let Some(masks) = &masks {
+        rows.extend([
+            row("Loc, peak on the thing", masks.loc_mask, ""),
+            row("average precision, no threshold", masks.average_precision, ""),
+            row("  of a map that knows nothing", masks.share, ""),
+        ]);
+    }
+    rows.extend([
         row("a question about a view, median ms", language.latency.p50_ms, ""),
         row("  99 of 100 within, ms", language.latency.p99_ms, ""),
-    ]
+    ]);
+    rows
 }
 
 /// The paper's values are over 8 Replica scenes, at its own scale of relevancy; its EMD pairs

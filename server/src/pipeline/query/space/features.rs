@@ -1,8 +1,10 @@
-//! Decoded features of a whole map.
+//! Decoded features of a whole map, and its segments.
 //!
 //! The features of the most recent snapshot are cached if they fit into the configured memory. A
 //! larger map is decoded in batches at every question.
 
+use super::gaussian::RelevantGaussian;
+use super::segments::Segments;
 use crate::pipeline::backdrop::can_have_language;
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::query::feature_decoder::FeatureDecoder;
@@ -10,6 +12,7 @@ use crate::pipeline::query::relevancy::{Prompts, to_bf16};
 use crate::pipeline::snapshot::MapSnapshot;
 use half::bf16;
 use lexsplat_gpu::HostGaussians;
+use std::cell::OnceCell;
 use std::sync::{Arc, Weak};
 
 /// Features of one snapshot.
@@ -21,6 +24,8 @@ pub(crate) struct SpaceFeatures {
     rows: Vec<u32>,
     /// `[rows, D]`, unit length; `None`: too large for the cache.
     cached: Option<Vec<bf16>>,
+    /// The segments, once they were asked for.
+    segments: OnceCell<Segments>,
 }
 
 /// The features of the most recent snapshot.
@@ -69,12 +74,22 @@ impl SpaceFeatures {
         let gaussians = Arc::downgrade(&snapshot.gaussians);
         let logits = snapshot.gaussians.language.opacity_logits.iter();
         let can_have = logits.filter(|logit| can_have_language(**logit)).count();
-        Ok(Self { gaussians, can_have, rows, cached })
+        Ok(Self { gaussians, can_have, rows, cached, segments: OnceCell::new() })
     }
 
     /// Indices of the Gaussians with language, in order.
     pub(super) fn rows(&self) -> &[u32] {
         &self.rows
+    }
+
+    /// The segments of the snapshot of these features; `opaque` are its Gaussians that can belong to
+    /// objects.
+    pub(super) fn segments(
+        &self,
+        snapshot: &MapSnapshot,
+        opaque: &[RelevantGaussian],
+    ) -> &Segments {
+        self.segments.get_or_init(|| Segments::new(&snapshot.gaussians, opaque))
     }
 
     /// Share of the Gaussians with language, of those that can have it.

@@ -9,6 +9,7 @@ mod gaussian;
 mod neighbours;
 mod objects;
 mod search;
+mod segments;
 mod surface;
 
 pub(super) use features::SpaceFeatureCache;

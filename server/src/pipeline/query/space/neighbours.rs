@@ -100,6 +100,23 @@ impl<'a> Neighbours<'a> {
             .filter(move |&other| self.are_near(at, other))
     }
 
+    /// All pairs of neighbours, each once.
+    pub(super) fn pairs(&self) -> Vec<[u32; 2]> {
+        let of_block = |at: u32| {
+            let block = &self.blocks[at as usize];
+            let others = self.blocks_near(block).filter(move |&other| other <= at);
+            others.flat_map(move |other| {
+                let is_same = other == at;
+                let pairs = block.members.iter().flat_map(move |&a| {
+                    self.blocks[other as usize].members.iter().map(move |&b| (a, b))
+                });
+                pairs.filter(move |&(a, b)| (!is_same || a < b) && self.are_near(a, b))
+            })
+        };
+        let pairs = (0..self.blocks.len() as u32).into_par_iter().flat_map_iter(of_block);
+        pairs.map(|(a, b)| [a.min(b) as u32, a.max(b) as u32]).collect()
+    }
+
     /// For each Gaussian whether it is a core point.
     pub(super) fn core_points(&self) -> Vec<bool> {
         let is_core = |(at, &block): (usize, &u32)| {

@@ -3,6 +3,9 @@
 //! Clustering runs twice. The score of the best first cluster sets the relevancy that core points
 //! of the second run must have. Otherwise separate things on a slightly relevant surface (chairs on
 //! a carpet) would be one object.
+//!
+//! Clusters that are patches of larger things are dropped: most of the segments that they lie in
+//! is not relevant.
 
 use super::boxes;
 use super::clusters::{ClusterLimits, clusters};
@@ -13,6 +16,10 @@ use crate::pipeline::query::answer::Object;
 /// Least score of core points, as a share of [`ObjectLimits::score`]. A smaller share would join
 /// the chairs with the carpet, a larger one would split the seat of a chair from its back.
 const CORE_SHARE: f32 = 0.5;
+
+/// Least share of an object's segments that is relevant. A smaller share would report the corner of
+/// a bed that resembles a nightstand, a larger one would drop nightstands with an irrelevant side.
+const WHOLE_SHARE: f32 = 0.6;
 
 /// Which clusters are reported beside the best one: small or doubtful ones are mostly parts of
 /// similar things.
@@ -51,9 +58,11 @@ struct ClusteredObject {
     members: Vec<usize>,
 }
 
-/// The objects, best first, and the indices of all their members, in order.
+/// The objects, best first, and the indices of all their members, in order. `shares` are the shares
+/// of the Gaussians' segments that are relevant.
 pub(super) fn find_objects(
     relevant: &[RelevantGaussian],
+    shares: &[f32],
     clustering: ClusterLimits,
     limits: ObjectLimits,
 ) -> (Vec<Object>, Vec<usize>) {
@@ -65,11 +74,27 @@ pub(super) fn find_objects(
         *is_core &= gaussian.point.score >= min_core;
     }
     let second = scored(relevant, clusters(&near, &is_core, clustering.min_members));
-    let selected = limits.select(second);
+    let selected = whole(limits.select(second), relevant, shares);
     let mut members: Vec<usize> =
         selected.iter().flat_map(|one| one.members.iter().copied()).collect();
     members.sort_unstable();
     (selected.into_iter().map(|one| one.object).collect(), members)
+}
+
+/// The objects that are no patches of larger things, and the one that is it least in any case.
+fn whole(
+    mut objects: Vec<ClusteredObject>,
+    relevant: &[RelevantGaussian],
+    shares: &[f32],
+) -> Vec<ClusteredObject> {
+    let share = |one: &ClusteredObject| {
+        let weight: f32 = one.members.iter().map(|&at| relevant[at].opacity).sum();
+        let sum: f32 = one.members.iter().map(|&at| shares[at] * relevant[at].opacity).sum();
+        sum / weight.max(1e-6)
+    };
+    let least = objects.iter().map(share).fold(0.0, f32::max).min(WHOLE_SHARE);
+    objects.retain(|one| share(one) >= least);
+    objects
 }
 
 /// Clusters as objects, best first.

@@ -24,11 +24,13 @@ pub(crate) fn search(
     let mut relevant = opaque_gaussians(search, features, decoder)?;
     let scores = relevant.iter().map(|gaussian| gaussian.point.score);
     let confidence = search.calibration.confidence(scores, config.cluster_points);
+    let segments = features.segments(snapshot, &relevant);
     relevant.retain(|gaussian| gaussian.point.score > threshold);
+    let shares = segments.relevant_shares(&relevant);
     let clusters =
         ClusterLimits { eps_metres: config.cluster_metres, min_members: config.cluster_points };
     let limits = ObjectLimits { threshold, score: config.object_score, size: config.object_size };
-    let (mut objects, members) = find_objects(&relevant, clusters, limits);
+    let (mut objects, members) = find_objects(&relevant, &shares, clusters, limits);
     filter::apply(&mut objects, &query.filter);
     let points = query.outputs.points.then(|| {
         let members: Vec<_> = members.iter().map(|&at| relevant[at]).collect();

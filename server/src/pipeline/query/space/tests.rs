@@ -11,8 +11,13 @@ use rand_chacha::ChaCha8Rng;
 
 const NO_LIMITS: ObjectLimits = ObjectLimits { threshold: 0.5, score: 0.0, size: 0.0 };
 
+/// All segments are relevant.
+fn whole(relevant: &[RelevantGaussian]) -> Vec<f32> {
+    vec![1.0; relevant.len()]
+}
+
 fn objects(relevant: &[RelevantGaussian], clustering: ClusterLimits) -> Vec<Object> {
-    find_objects(relevant, clustering, NO_LIMITS).0
+    find_objects(relevant, &whole(relevant), clustering, NO_LIMITS).0
 }
 
 #[test]
@@ -30,12 +35,28 @@ fn small_and_doubtful_clusters_are_dropped_beside_a_better_one() {
     points.extend(blob(Point3::new(3.0, 0.0, 0.0), 0.6, &mut random));
     assert_eq!(objects(&points, CLUSTERING).len(), 4);
     let limits = ObjectLimits { threshold: 0.5, score: 0.5, size: 0.1 };
-    let (objects_found, members) = find_objects(&points, CLUSTERING, limits);
+    let (objects_found, members) = find_objects(&points, &whole(&points), CLUSTERING, limits);
     assert_eq!((objects_found.len(), members.len()), (2, 600));
     // A single object is reported however doubtful it is.
     let alone = blob(Point3::origin(), 0.55, &mut random);
-    assert_eq!(find_objects(&alone, CLUSTERING, limits).0.len(), 1);
-    assert!(find_objects(&[], CLUSTERING, limits).0.is_empty());
+    assert_eq!(find_objects(&alone, &whole(&alone), CLUSTERING, limits).0.len(), 1);
+    assert!(find_objects(&[], &[], CLUSTERING, limits).0.is_empty());
+}
+
+#[test]
+fn patches_of_larger_things_are_dropped_beside_a_whole_thing() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let mut points = blob(Point3::origin(), 0.9, &mut random);
+    points.extend(blob(Point3::new(1.0, 0.0, 0.0), 0.9, &mut random));
+    let shares = |second: f32| [vec![0.8; 300], vec![second; 300]].concat();
+    let found = |shares: &[f32]| find_objects(&points, shares, CLUSTERING, NO_LIMITS);
+    let (objects_found, members) = found(&shares(0.4));
+    assert!(objects_found.len() == 1 && members.iter().all(|&at| at < 300), "{objects_found:?}");
+    // Negative control: both are whole.
+    assert_eq!(found(&shares(0.7)).0.len(), 2);
+    // The best patch is reported if there is nothing else.
+    let patches = [vec![0.3; 300], vec![0.1; 300]].concat();
+    assert_eq!(found(&patches).1, (0..300).collect::<Vec<_>>());
 }
 
 #[test]
@@ -45,7 +66,7 @@ fn objects_on_a_slightly_relevant_surface_are_separate() {
     points.extend(blob(Point3::new(1.0, 0.0, 0.0), 0.9, &mut random));
     points.extend((0..100).map(|i| gaussian(Point3::new(0.01 * i as f32, 0.0, 0.0), 0.6)));
     let limits = ObjectLimits { threshold: 0.5, score: 0.5, size: 0.0 };
-    let (objects_found, members) = find_objects(&points, CLUSTERING, limits);
+    let (objects_found, members) = find_objects(&points, &whole(&points), CLUSTERING, limits);
     assert_eq!(objects_found.len(), 2);
     assert!((600..680).contains(&members.len()), "{}", members.len());
     // Negative control: without limits all Gaussians are core points, and there is one object.
@@ -80,7 +101,7 @@ fn two_blobs_with_noise_are_two_objects() {
     assert!((found[0].score - 0.9).abs() < 1e-5 && (found[1].score - 0.7).abs() < 1e-5);
     assert_eq!((found[0].points, found[1].points), (300, 300));
     // Noise belongs to no object, and no other Gaussian is missing.
-    let kept = find_objects(&points, CLUSTERING, NO_LIMITS).1;
+    let kept = find_objects(&points, &whole(&points), CLUSTERING, NO_LIMITS).1;
     assert_eq!(kept.len(), 600);
     assert!(kept.iter().all(|&at| points[at].point.score < 0.95), "noise has 0.99");
 
@@ -120,6 +141,9 @@ fn neighbours_match_an_exhaustive_search() {
         })
         .collect();
     let near = Neighbours::new(&points, 0.08);
+    let mut pairs_found = near.pairs();
+    pairs_found.sort_unstable();
+    let mut expected_pairs = Vec::new();
     let mut pairs = 0;
     for at in 0..points.len() {
         let mut found: Vec<usize> = near.of(at).collect();
@@ -128,7 +152,10 @@ fn neighbours_match_an_exhaustive_search() {
             (0..points.len()).filter(|&other| other == at || near.gap(at, other) < 0.08).collect();
         assert_eq!(found, expected, "{at}");
         pairs += found.len() - 1;
+        let later = found.iter().filter(|&&other| other > at);
+        expected_pairs.extend(later.map(|&other| [at as u32, other as u32]));
     }
+    assert_eq!(pairs_found, expected_pairs);
     assert!(pairs > 400, "{pairs}");
 }
 
