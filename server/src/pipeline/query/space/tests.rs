@@ -3,13 +3,24 @@
 use super::clusters::{ClusterLimits, clusters};
 use super::gaussian::RelevantGaussian;
 use super::neighbours::{MIN_NEIGHBOURS, Neighbours};
-use super::objects::{ObjectLimits, find_objects};
+use super::objects::ObjectLimits;
 use crate::pipeline::query::answer::{Object, ScoredPoint};
 use nalgebra::Point3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const NO_LIMITS: ObjectLimits = ObjectLimits { threshold: 0.5, score: 0.0, size: 0.0 };
+
+/// The objects, best first, and the indices of all their members.
+fn find_objects(
+    relevant: &[RelevantGaussian],
+    clustering: ClusterLimits,
+    limits: ObjectLimits,
+) -> (Vec<Object>, Vec<usize>) {
+    let found = super::objects::find_objects(relevant, clustering, limits);
+    let members = found.iter().flat_map(|one| one.members.iter().copied()).collect();
+    (found.into_iter().map(|one| one.object).collect(), members)
+}
 
 fn objects(relevant: &[RelevantGaussian], clustering: ClusterLimits) -> Vec<Object> {
     find_objects(relevant, clustering, NO_LIMITS).0
