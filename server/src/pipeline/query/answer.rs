@@ -37,7 +37,7 @@ pub struct Answer {
 }
 
 /// How a text was understood: the parts that are decided one by one.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Understood {
     /// The kind of thing.
     pub object: String,

@@ -112,7 +112,9 @@ fn up_decides_what_is_above() {
         Shape::new(&points, &level)
     });
     assert!(!holds(RelationKind::On, &cup, &table));
-    assert!((super::shape::level(&-UnitVector3::new_normalize(Vector3::z())) * Vector3::z()).z < 0.0);
+    assert!(
+        (super::shape::level(&-UnitVector3::new_normalize(Vector3::z())) * Vector3::z()).z < 0.0
+    );
 }
 
 /// A camera that looks along y, from y = -3.
@@ -135,11 +137,8 @@ fn sides_are_those_of_the_view() {
     use RelationKind::{Behind, InFrontOf, LeftOf, RightOf};
     let level = UnitQuaternion::identity();
     let sight = |(low, high)| Sight::new(&shape(low, high), &camera(), &level);
-    let [table, chair, behind] = [
-        sight(TABLE),
-        sight(CHAIR),
-        sight(([0.0, -5.0, 0.0], [0.4, -4.5, 0.5])),
-    ];
+    let [table, chair, behind] =
+        [sight(TABLE), sight(CHAIR), sight(([0.0, -5.0, 0.0], [0.4, -4.5, 0.5]))];
     assert!(behind.is_none(), "behind the camera");
     let (table, chair) = (table.expect("it is seen"), chair.expect("it is seen"));
     let left = sight(([-1.2, 0.0, 0.0], [-0.8, 0.4, 0.5])).expect("it is seen");

@@ -9,6 +9,7 @@
 //! What is in quotes is a name, word by word. Words that are not known stay in the name. A negation that is
 //! not understood is refused, since a text tower would find the contrary of what was meant.
 
+mod attributes;
 mod colors;
 mod parse;
 mod plural;

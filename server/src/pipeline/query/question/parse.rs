@@ -4,13 +4,15 @@
 //! other thing, which may have attributes and a relation of its own. Then attributes are taken out of the
 //! name: those behind it ("chair that is not red") and those in front ("dark red chair").
 
-use super::colors::{self, DEGREES};
+use super::attributes::{
+    CONNECTORS, NOT, attributes_behind, attributes_in_front, connectors_in_front, list,
+};
 use super::plural::singular;
 use super::purposes;
-use super::relations::{self, DETERMINERS, Found};
+use super::relations::{self, DETERMINERS, Found, without_determiners};
 use super::subject::{Subject, subject};
 use super::tokens::{Word, joined, words};
-use super::wanted::{Attribute, Relation, RelationKind, Wanted};
+use super::wanted::{Relation, RelationKind, Wanted};
 
 /// The most things in a row, such as "cup on the table next to the window".
 const MAX_THINGS: usize = 4;
@@ -35,46 +37,11 @@ const ANYTHING: &[&str] = &[
     "it",
 ];
 
-/// Words that negate.
-const NOT: &[&str] = &["not", "isn't", "aren't", "wasn't", "non", "never", "except", "excluding"];
 /// Words that negate in a way that is never understood.
 const NO: &[&str] = &["no", "nor", "neither", "nothing", "without", "don't", "doesn't"];
 /// Names with such a word.
 const NAMES_WITH_NO: &[&str] =
     &["no smoking", "no entry", "no parking", "do not disturb", "forget me not"];
-
-/// Words between a thing and what is said of it.
-const CONNECTORS: &[&str] = &[
-    "that",
-    "which",
-    "who",
-    "is",
-    "are",
-    "was",
-    "that's",
-    "but",
-    "for",
-    "the",
-    "one",
-    "ones",
-    "standing",
-    "sitting",
-    "lying",
-    "hanging",
-    "placed",
-    "located",
-    "positioned",
-    "mounted",
-    "stored",
-    "resting",
-    "leaning",
-    "kept",
-    "directly",
-    "right",
-    "just",
-    "somewhere",
-    "painted",
-];
 
 const NUMBERS: &[&str] =
     &["two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "several", "many"];
@@ -137,6 +104,11 @@ fn thing(words: &[Word], left: usize) -> Result<Wanted> {
     if let Some((names, length)) = purposes::at_start(words) {
         return with_purpose(names, &words[length..], left);
     }
+    if let Some((_, length)) = relations::relation_at(words)
+        && words.get(length).is_some_and(|word| word.is_in(DETERMINERS))
+    {
+        return Err(no_kind(&joined(words)));
+    }
     if let Some(wanted) = nearest_in_front(words, left)? {
         return Ok(wanted);
     }
@@ -164,6 +136,7 @@ fn thing(words: &[Word], left: usize) -> Result<Wanted> {
 /// "Nearest chair to the window".
 fn nearest_in_front(words: &[Word], left: usize) -> Result<Option<Wanted>> {
     let kind = match words.first() {
+        Some(_) if words.len() == 1 => return Ok(None),
         Some(word) if word.is_in(&["nearest", "closest"]) => RelationKind::Nearest,
         Some(word) if word.is_in(&["farthest", "furthest"]) => RelationKind::Farthest,
         _ => return Ok(None),
@@ -240,89 +213,9 @@ fn described(words: &[Word], relation: Option<Box<Relation>>) -> Result<Wanted> 
     let name = noun(&words);
     let says_more = !attributes.is_empty() || relation.is_some();
     if words.is_empty() || (says_more && ANYTHING.contains(&&*name)) || name.starts_with("what") {
-        let what = if whole.is_empty() { "this".into() } else { quoted(&whole) };
-        return Err(refused(format!(
-            "{what} names no kind of thing: say which, as in \"red cup\" or \"cup on the table\""
-        )));
+        return Err(no_kind(&whole));
     }
     Ok(Wanted { names: vec![name], attributes, relation })
-}
-
-/// Attributes behind a name: "chair that is not red", "chair red". With the words in front of them.
-fn attributes_behind(words: &[Word]) -> (&[Word], Vec<Attribute>) {
-    let is_clause = |word: &Word| word.is_in(CONNECTORS) || word.is_in(NOT);
-    for at in 1..words.len() {
-        let has_color = || colors::color(&words[at]).is_some_and(|_| words[at].text != "orange");
-        if !is_clause(&words[at]) && !(at + 1 == words.len() && has_color()) {
-            continue;
-        }
-        let (rest, is_not) = connectors_in_front(&words[at..]);
-        if let Some(attributes) = list(rest, is_not) {
-            return (&words[..at], attributes);
-        }
-    }
-    (words, Vec::new())
-}
-
-/// The attributes of which these words consist: "dark red", "red and white", "not red or blue ones".
-fn list(words: &[Word], is_not: bool) -> Option<Vec<Attribute>> {
-    let mut attributes = Vec::new();
-    let mut at = 0;
-    while at < words.len() {
-        let is_between = !attributes.is_empty() && at + 1 < words.len();
-        if (is_between && words[at].is_in(&["and"]))
-            || (is_between && is_not && words[at].is_in(&["or", "nor"]))
-            || words[at].is_in(DEGREES)
-            || (!attributes.is_empty() && words[at].is_in(&["one", "ones"]))
-        {
-            at += 1;
-            continue;
-        }
-        let rest = &words[at..];
-        let (kinds, length) = colors::color_at(rest).or_else(|| colors::size_at(rest))?;
-        attributes.extend(kinds.into_iter().map(|kind| Attribute { kind, is_negated: is_not }));
-        at += length;
-    }
-    (!attributes.is_empty()).then_some(attributes)
-}
-
-/// Attributes in front of a name, and the words without them. Colors are found behind other adjectives, too:
-/// "old red chair". The last word of the name stays, since "orange" alone is a fruit.
-fn attributes_in_front(words: &[Word]) -> (Vec<Word>, Vec<Attribute>) {
-    let of = words.iter().position(|word| word.is_in(&["of"]));
-    let head = of.unwrap_or(words.len()).saturating_sub(1);
-    let (mut name, mut attributes) = (Vec::new(), Vec::new());
-    let mut at = 0;
-    while at < head {
-        let mut start = at;
-        let mut is_not = false;
-        while start < head && (words[start].is_in(NOT) || words[start].is_in(DEGREES)) {
-            is_not ^= words[start].is_in(NOT);
-            start += 1;
-        }
-        let prefixed = words[start].plain().and_then(|word| word.strip_prefix("non-"));
-        let without_prefix = prefixed.map(|word| super::tokens::words(word));
-        is_not ^= prefixed.is_some();
-        let rest = without_prefix.as_deref().unwrap_or(&words[start..]);
-        let found = (!colors::is_compound(rest))
-            .then(|| {
-                colors::color_at(rest).or_else(|| colors::size_at(rest).filter(|_| name.is_empty()))
-            })
-            .flatten()
-            .filter(|(_, length)| start + length <= head);
-        let Some((kinds, length)) = found else {
-            let is_and = words[at].is_in(&["and"]) && !attributes.is_empty() && name.is_empty();
-            if !is_and {
-                name.push(words[at].clone());
-            }
-            at += 1;
-            continue;
-        };
-        attributes.extend(kinds.into_iter().map(|kind| Attribute { kind, is_negated: is_not }));
-        at = start + length;
-    }
-    name.extend(words[at..].iter().cloned());
-    (without_determiners(&name).to_vec(), attributes)
 }
 
 /// Refuses a negation that is left in a name.
@@ -356,13 +249,6 @@ fn check_negations(words: &[Word]) -> Result<()> {
     )))
 }
 
-/// The words without those in front of a thing that do not say which one.
-fn without_determiners(words: &[Word]) -> &[Word] {
-    let first = words.iter().position(|word| !word.is_in(DETERMINERS)).unwrap_or(words.len());
-    // Something has to be left: "the" may be a name.
-    if first == words.len() && !words.is_empty() { &words[first - 1..] } else { &words[first..] }
-}
-
 /// The words without those at the end that connect them with a relation, and whether these negate it.
 fn without_connectors(words: &[Word]) -> (&[Word], bool) {
     let (mut end, mut is_not) = (words.len(), false);
@@ -371,16 +257,6 @@ fn without_connectors(words: &[Word]) -> (&[Word], bool) {
         is_not ^= words[end].is_in(NOT);
     }
     (&words[..end], is_not)
-}
-
-/// The same for words in front.
-fn connectors_in_front(words: &[Word]) -> (&[Word], bool) {
-    let (mut start, mut is_not) = (0, false);
-    while start < words.len() && (words[start].is_in(CONNECTORS) || words[start].is_in(NOT)) {
-        is_not ^= words[start].is_in(NOT);
-        start += 1;
-    }
-    (&words[start..], is_not)
 }
 
 /// The name of a thing: its noun in the singular.
@@ -394,6 +270,14 @@ fn noun(words: &[Word]) -> String {
     let is_counted = one != plural && head > 0 && words[0].is_in(NUMBERS);
     texts[head] = one;
     texts.split_off(usize::from(is_counted)).join(" ")
+}
+
+/// A text that has attributes or a relation, and no name.
+fn no_kind(text: &str) -> Unclear {
+    let what = if text.is_empty() { "this".into() } else { quoted(text) };
+    refused(format!(
+        "{what} names no kind of thing: say which, as in \"red cup\" or \"cup on the table\""
+    ))
 }
 
 fn quoted(text: &str) -> String {

@@ -61,6 +61,7 @@ const OPENINGS: &[&str] = &[
     "things to",
     "place to",
     "somewhere to",
+    "where do i",
     "where can i",
     "where can you",
     "where can one",

@@ -30,10 +30,12 @@ const RELATIONS: &[(&str, RelationKind, bool)] = &[
     ("to the left of", RelationKind::LeftOf, false),
     ("on the left of", RelationKind::LeftOf, false),
     ("on the left side of", RelationKind::LeftOf, false),
+    ("at the left of", RelationKind::LeftOf, false),
     ("left of", RelationKind::LeftOf, false),
     ("to the right of", RelationKind::RightOf, false),
     ("on the right of", RelationKind::RightOf, false),
     ("on the right side of", RelationKind::RightOf, false),
+    ("at the right of", RelationKind::RightOf, false),
     ("right of", RelationKind::RightOf, false),
     ("in front of", RelationKind::InFrontOf, false),
     ("in the front of", RelationKind::InFrontOf, false),
@@ -68,6 +70,8 @@ const UNDECIDED: &[&str] = &[
     "to the left",
     "on the right",
     "to the right",
+    "from the left",
+    "from the right",
     "in the front",
     "in the back",
     "in the middle",
@@ -96,6 +100,13 @@ pub(super) const DETERMINERS: &[&str] = &[
     "a", "an", "the", "some", "any", "my", "your", "our", "his", "her", "their", "all", "both",
     "every", "each", "these", "those", "this", "of", "other", "another",
 ];
+
+/// The words without those in front of a thing that do not say which one.
+pub(super) fn without_determiners(words: &[Word]) -> &[Word] {
+    let first = words.iter().position(|word| !word.is_in(DETERMINERS)).unwrap_or(words.len());
+    // Something has to be left: "the" may be a name.
+    if first == words.len() && !words.is_empty() { &words[first - 1..] } else { &words[first..] }
+}
 
 /// Whether the words are a name of one thing, in spite of a word for a relation.
 pub(super) fn is_name(words: &[Word]) -> bool {

@@ -29,6 +29,13 @@ const OPENINGS: &[&str] = &[
     "i am looking for",
     "i'm looking for",
     "i need",
+    "i lost",
+    "i cannot find",
+    "i can't find",
+    "tell me where",
+    "can you tell me where",
+    "could you tell me where",
+    "do you know where",
     "look for",
     "search for",
     "find me",
@@ -51,6 +58,8 @@ const OPENINGS: &[&str] = &[
 const ENDINGS: &[&str] = &[
     "please",
     "are there",
+    "is",
+    "are",
     "in here",
     "around here",
     "here",
@@ -177,6 +186,8 @@ mod tests {
             "Where is the bed, please?",
             "Where did I leave my bed?",
             "bed in the room",
+            "Can you tell me where the bed is?",
+            "I can't find my bed.",
             "the bed over there",
         ] {
             assert_eq!(text_of(question), "bed", "{question}");
