@@ -31,6 +31,7 @@ mod openapi;
 mod outside;
 mod prefix;
 mod python;
+mod questions;
 mod reads;
 mod recordings;
 mod restart;

@@ -10,8 +10,8 @@ TINY = Path(__file__).parent.parent.parent / "models" / "tiny"
 
 
 def test_shipped_manifest_is_reproduced(tmp_path):
-    line = "--text text --encoder pair --compressor compressor --version 5 --temperature 10 "
-    line += "--bias BIAS --threshold 0.5 --present PRESENT --steepness STEEP --out"
+    line = "--text text --encoder pair --compressor compressor --version 4 --temperature 10 "
+    line += "--bias 2.9 --threshold 0.5 --present 0.62 --steepness 10.9 --out"
     args = tiny.arguments_parser().parse_args([*line.split(), str(tmp_path / "tiny")])
     files = tiny.sources(args)
     for name in files:

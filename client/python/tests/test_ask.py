@@ -49,6 +49,17 @@ def test_the_whole_map_is_answered_in_metres(mapped):
     assert nowhere.objects == [] and len(nowhere.points) == 0
 
 
+def test_the_answer_says_how_the_text_was_understood(mapped):
+    answer = mapped.query("Where is the purple chair next to the unicorn?")
+    understood = answer.understood
+    assert (understood.object, understood.attributes) == ("chair", ["purple"])
+    assert (understood.relation, understood.others) == ("next to", ["unicorn"])
+    assert not answer.present and answer.objects == [] and answer.reason
+    assert mapped.query("chairs").understood.object == "chair"
+    with pytest.raises(lexsplat.RequestError, match="not a chair"):
+        mapped.query("not a chair")
+
+
 def test_texts_are_compared(mapped, room: Room):
     view = mapped.segment(["chair", "floor"], frame=0)
     assert view.texts == ["chair", "floor"] and view.image.shape == room.camera.shape

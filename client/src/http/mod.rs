@@ -12,7 +12,8 @@ pub use client::HttpClient;
 pub use error::HttpError;
 pub use lexsplat_proto::json::{
     Answer, Bounds, Camera, Health, HeatmapLink, Keyframe, LabelsLink, LegendEntry, MapState,
-    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, Up, View,
+    Object, Peak, PixelBox, PointsLink, Question, Rle, Segmentation, Status, Timing, Understood,
+    Up, View,
 };
 pub use map_file::{MapFile, ReadOf};
 pub use project::project;

@@ -8,7 +8,11 @@ use serde::{Deserialize, Serialize};
 pub struct Answer {
     /// Id under which the heat map and the points can be fetched.
     pub query_id: String,
+    /// As it was sent.
     pub text: String,
+    /// How it was understood.
+    #[serde(default)]
+    pub understood: Understood,
     pub map: String,
     /// Revision of the map that the answer was computed from.
     pub revision: u64,
@@ -23,6 +27,10 @@ pub struct Answer {
     pub converged: bool,
     /// Whether the map shows what was asked for.
     pub present: bool,
+    /// Why nothing was found, where an attribute or a relation decided that, or could not be decided.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(example = "no window was found"))]
+    pub reason: Option<String>,
     /// Confidence in `present`, 0 to 1.
     pub confidence: f32,
     /// Share of the view or map that has language, 0 to 1. If it is low, absent only means not
@@ -50,6 +58,24 @@ pub struct Answer {
     #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<FoundObject>>))]
     pub objects: Option<Vec<Object>>,
     pub timing_ms: Timing,
+}
+
+/// How a text was understood: the parts that are decided one by one.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Understood {
+    /// The kind of thing.
+    #[cfg_attr(feature = "schema", schema(example = "chair"))]
+    pub object: String,
+    /// What it looks like: "red", "not big".
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub attributes: Vec<String>,
+    /// Where it is, without the other thing: "next to", "not on".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relation: Option<String>,
+    /// The other thing, as a text that asks for it; two for "between".
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<String>,
 }
 
 /// Where to fetch the heat map: the relevancy of every pixel.

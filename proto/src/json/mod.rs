@@ -16,7 +16,9 @@ mod reply;
 mod segmentation;
 mod session;
 
-pub use answer::{Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, Timing};
+pub use answer::{
+    Answer, HeatmapLink, Object, Peak, PixelBox, PointsLink, Rle, Timing, Understood,
+};
 pub use camera::{Camera, View};
 pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RefinementEvent, RevisionEvent};
 pub use health::{Health, MapLoading};

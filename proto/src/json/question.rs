@@ -9,7 +9,10 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Question {
-    /// What to look for.
+    /// What to look for: "chair", "Where are the chairs?", "red chair next to the window". Colors, sizes and
+    /// places of things are decided one by one; `understood` in the answer says how the text was understood.
+    /// What is in quotes is a name, word by word. A text with a negation that is not understood ("not a
+    /// chair") is refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(example = "coffee cup"))]
     pub text: Option<String>,

@@ -20,12 +20,14 @@ fn answer() -> Answer {
     Answer {
         query_id: "q".into(),
         text: "cup".into(),
+        understood: Understood { object: "cup".into(), ..Understood::default() },
         map: "room".into(),
         revision: 3,
         through: Some(5),
         settled: true,
         converged: false,
         present: true,
+        reason: None,
         confidence: 0.75,
         coverage: 1.0,
         threshold: 0.5,
@@ -40,8 +42,8 @@ fn answer() -> Answer {
 }
 
 const ANSWER_JSON: &str = concat!(
-    r#"{"query_id":"q","text":"cup","map":"room","revision":3,"through":5,"settled":true,"converged":false,"#,
-    r#""present":true,"confidence":0.75,"coverage":1.0,"threshold":0.5"#
+    r#"{"query_id":"q","text":"cup","understood":{"object":"cup"},"map":"room","revision":3,"#,
+    r#""through":5,"settled":true,"converged":false,"present":true,"confidence":0.75,"coverage":1.0,"threshold":0.5"#
 );
 
 #[test]
@@ -65,6 +67,23 @@ fn answers_about_a_view() {
     );
     assert_json(&view, &json);
     assert_eq!(serde_json::to_string(&Reply::Answer(view)).unwrap(), json);
+}
+
+#[test]
+fn what_is_understood() {
+    let understood = Understood {
+        object: "cup".into(),
+        attributes: vec!["red".into(), "not big".into()],
+        relation: Some("next to".into()),
+        others: vec!["bowl".into()],
+    };
+    let json =
+        r#"{"object":"cup","attributes":["red","not big"],"relation":"next to","others":["bowl"]}"#;
+    assert_json(&understood, json);
+    let nothing = Answer { reason: Some("no bowl was found".into()), understood, ..answer() };
+    let json = serde_json::to_string(&nothing).unwrap();
+    assert!(json.contains(r#""reason":"no bowl was found","confidence""#), "{json}");
+    assert_eq!(serde_json::from_str::<Answer>(&json).unwrap(), nothing);
 }
 
 #[test]

@@ -95,11 +95,13 @@ impl AnswerCache {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::query::Timing;
+    use crate::pipeline::query::{Timing, Understood};
 
     fn answer(pixels: usize) -> Answer {
         Answer {
             revision: 1,
+            understood: Understood::default(),
+            reason: None,
             present: true,
             confidence: 1.0,
             coverage: 1.0,

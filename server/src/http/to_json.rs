@@ -5,7 +5,7 @@ use crate::maps::{Listed, LoadProgress};
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::input_warning::InputWarning;
 use crate::pipeline::map::{MapStatus, Reading};
-use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing};
+use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing, Understood};
 use crate::pipeline::snapshot::KeyframeInfo;
 use crate::pipeline::up::MapUp;
 use lexsplat_proto::json;
@@ -120,7 +120,9 @@ pub(super) fn answer(
         through: reading.snapshot.through,
         settled: reading.settled,
         converged: reading.converged,
+        understood: understood(&answer.understood),
         present: answer.present,
+        reason: answer.reason.clone(),
         confidence: answer.confidence,
         coverage: answer.coverage,
         threshold: answer.threshold,
@@ -143,6 +145,11 @@ pub(super) fn answer(
         timing_ms: timing(answer.timing),
         query_id,
     }
+}
+
+fn understood(found: &Understood) -> json::Understood {
+    let Understood { object, attributes, relation, others } = found.clone();
+    json::Understood { object, attributes, relation, others }
 }
 
 fn pixel_box(found: &ScoredBox) -> json::PixelBox {

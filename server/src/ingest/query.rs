@@ -5,7 +5,9 @@ use super::status;
 use crate::check::{self, Question};
 use crate::export::extremes;
 use crate::pipeline::map::Reading;
-use crate::pipeline::query::{Answer, Client, Heatmap, Object, ScoredPoint, Segmentation, Timing};
+use crate::pipeline::query::{
+    Answer, Client, Heatmap, Object, ScoredPoint, Segmentation, Timing, Understood,
+};
 use crate::query_id::query_id;
 use crate::telemetry::QUERY_SECONDS;
 use lexsplat_proto::v1;
@@ -74,8 +76,15 @@ fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
         objects: answer.objects.unwrap_or_default().iter().map(object).collect(),
         timing: Some(timing(answer.timing)),
         segmentation: None,
+        understood: Some(understood(answer.understood)),
+        reason: answer.reason.unwrap_or_default(),
         ..Default::default()
     }
+}
+
+fn understood(found: Understood) -> v1::Understood {
+    let Understood { object, attributes, relation, others } = found;
+    v1::Understood { object, attributes, relation: relation.unwrap_or_default(), others }
 }
 
 fn timing(timing: Timing) -> v1::Timing {

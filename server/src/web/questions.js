@@ -70,12 +70,25 @@ function meter(label, share) {
   return [element('p', `${label} ${(100 * share).toFixed(0)} %`, 'quiet'), bar];
 }
 
+// How the text was understood: "red chair · next to window". Empty if it is a name.
+function understood({ text, understood: { object, attributes = [], relation, others = [] } }) {
+  if (object === text) return '';
+  const thing = [...attributes, object].join(' ');
+  return relation ? `${thing} · ${relation} ${others.join(' and ')}` : thing;
+}
+
 function drawAnswer(space, view) {
   const verdict = element('p', `“${space.text}” `, 'verdict');
   const unseen = !space.present && space.coverage < UNSEEN_COVERAGE;
   if (unseen) verdict.append(element('span', 'may be there: hardly anything has been seen yet', 'quiet'));
   else verdict.append(element('span', space.present ? 'is there' : 'is not there', space.present ? 'yes' : 'no'));
-  const lines = [verdict, ...meter('confidence', space.confidence), ...meter('seen with language', space.coverage)];
+  const lines = [verdict];
+  const read = understood(space);
+  if (read) lines.push(element('p', `understood: ${read}`, 'quiet'));
+  // What depends on where one looks from is decided in the view only.
+  const reason = view ? view.reason : space.reason;
+  if (reason) lines.push(element('p', reason));
+  lines.push(...meter('confidence', space.confidence), ...meter('seen with language', space.coverage));
   if (view) {
     const where = view.present ? `${view.boxes.length} region${view.boxes.length === 1 ? '' : 's'} in this view` : 'not in this view';
     const peak = view.peak ? `, best ${view.peak.score.toFixed(2)} at ${Math.round(view.peak.x)}, ${Math.round(view.peak.y)}` : '';

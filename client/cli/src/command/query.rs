@@ -8,7 +8,8 @@ use crate::files::{make_answer_folder, save, save_image};
 use crate::waiting::{self, Waiting};
 use anyhow::{Context as _, Result, bail};
 use lexsplat_client::http::{
-    Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, ReadOf, View, project,
+    Answer, Bounds, HttpClient, Keyframe, Object, PixelBox, Question, ReadOf, Understood, View,
+    project,
 };
 use lexsplat_evaluate::table::{Column, table};
 use std::path::{Path, PathBuf};
@@ -18,7 +19,11 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:\n  lexsplat query 'coffee cup' --map kitchen\n  \
                         lexsplat query 'coffee cup' --map kitchen --frame 120 --out cup\n  \
                         lexsplat query 'chair, dining table, floor' --map kitchen --frame 120\n  \
-                        lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool")]
+                        lexsplat query chair --map kitchen --near 1.2,0,2.5 --not stool\n  \
+                        lexsplat query 'Where is the red chair next to the window?' --map kitchen\n\n\
+                        Colors, sizes and places are decided one by one; the answer says how the text was \
+                        understood. Put quotes into the text around a name that is meant word by word: \
+                        '\"red wine\"'")]
 pub struct Query {
     /// The object to find, in plain words; several texts, separated by spaces or commas, are compared with
     /// each other
@@ -182,6 +187,12 @@ fn described(answer: &Answer) -> String {
         answer.confidence,
         answer.timing_ms.total
     );
+    if let Some(understood) = understood(answer) {
+        text += &format!("understood: {understood}\n");
+    }
+    if let Some(reason) = &answer.reason {
+        text += &format!("reason: {reason}\n");
+    }
     if let Some(peak) = answer.peak {
         text += &format!("peak {:.2} at pixel ({:.0}, {:.0})\n", peak.score, peak.x, peak.y);
     }
@@ -196,6 +207,18 @@ fn described(answer: &Answer) -> String {
         None => {}
     }
     text
+}
+
+/// How the text was understood, if that is not the text itself.
+fn understood(answer: &Answer) -> Option<String> {
+    let Understood { object, attributes, relation, others } = &answer.understood;
+    let mut parts = vec![format!("object {object:?}")];
+    parts.extend(attributes.iter().map(|attribute| format!("{attribute:?}")));
+    if let Some(relation) = relation {
+        let others: Vec<String> = others.iter().map(|other| format!("{other:?}")).collect();
+        parts.push(format!("{relation} {}", others.join(" and ")));
+    }
+    (*object != answer.text).then(|| parts.join(", "))
 }
 
 fn boxes_table(boxes: &[PixelBox]) -> String {
@@ -240,7 +263,8 @@ mod tests {
     use serde_json::json;
 
     fn answer(extra: serde_json::Value) -> Answer {
-        let mut value = json!({"query_id": "q", "text": "cup", "map": "room", "revision": 3,
+        let mut value = json!({"query_id": "q", "text": "cup", "understood": {"object": "cup"},
+            "map": "room", "revision": 3,
             "present": true, "confidence": 0.87, "coverage": 1.0, "threshold": 0.5,
             "timing_ms": {"text": 1.0, "render": 2.0, "decode": 3.0, "score": 4.0, "total": 10.0}});
         let fields = extra.as_object().unwrap().clone();
@@ -269,6 +293,16 @@ mod tests {
         let text = described(&space);
         assert!(text.contains("not present") && text.contains("no object is above 0.50"), "{text}");
         assert!(best_object(&space).is_none());
+        assert!(!described(&view).contains("understood"), "the text is the name");
+        let chosen = answer(json!({"text": "red cup by the bowl", "reason": "no bowl was found",
+            "understood": {"object": "cup", "attributes": ["red"], "relation": "next to",
+                "others": ["bowl"]}}));
+        let text = described(&chosen);
+        let understood = "understood: object \"cup\", \"red\", next to \"bowl\"\n";
+        assert!(
+            text.contains(understood) && text.contains("reason: no bowl was found\n"),
+            "{text}"
+        );
     }
 
     #[derive(clap::Parser)]

@@ -11,7 +11,16 @@ is the same for asyncio, and `lexsplat.rerun` shows maps and answers.
 """
 
 from lexsplat._aio import AsyncClient, AsyncFrameStream, AsyncMap
-from lexsplat._answer import Answer, Box, MapStatus, Object, Peak, Segmentation, Up
+from lexsplat._answer import (
+    Answer,
+    Box,
+    MapStatus,
+    Object,
+    Peak,
+    Segmentation,
+    Understood,
+    Up,
+)
 from lexsplat._blocking import Client, FrameStream, Map
 from lexsplat._camera import Camera, DepthCamera, SameLens
 from lexsplat._errors import (
@@ -69,5 +78,6 @@ __all__ = [
     "StreamOptions",
     "Summary",
     "Trajectory",
+    "Understood",
     "Up",
 ]

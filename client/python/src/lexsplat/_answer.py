@@ -73,13 +73,36 @@ class Object:
         )
 
 
+@dataclass(frozen=True)
+class Understood:
+    """How a text was understood: the parts that are decided one by one.
+
+    Attributes:
+        object: The kind of thing: "chair".
+        attributes: What it looks like: "red", "not big".
+        relation: Where it is, without the other thing: "next to"; empty if the text does not say.
+        others: The other thing, as a text that asks for it; two for "between".
+    """
+
+    object: str
+    attributes: list[str]
+    relation: str
+    others: list[str]
+
+    @classmethod
+    def _of(cls, wire: v1.Understood) -> Understood:
+        return cls(wire.object, list(wire.attributes), wire.relation, list(wire.others))
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
     """Where something is.
 
     Attributes:
-        text: What was asked for.
+        text: What was asked for, as it was sent.
+        understood: How the text was understood.
         present: Whether the map shows it.
+        reason: Why not, where a color, a size or a place decided that; empty otherwise.
         confidence: In `present`, 0 to 1.
         coverage: Share of the view or map that has language. If low, absent only means not seen.
         threshold: Relevancy above which something counts as found.
@@ -97,7 +120,9 @@ class Answer:
     """
 
     text: str
+    understood: Understood
     present: bool
+    reason: str
     confidence: float
     coverage: float
     threshold: float
@@ -118,7 +143,9 @@ class Answer:
         rows = _rows(wire.points.rows) if wire.HasField("points") else None
         return cls(
             text=wire.text,
+            understood=Understood._of(wire.understood),
             present=wire.present,
+            reason=wire.reason,
             confidence=wire.confidence,
             coverage=wire.coverage,
             threshold=wire.threshold,

@@ -7,8 +7,12 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 pub struct Answer {
     /// Revision of the map that was asked.
     pub revision: u64,
+    /// How the text was understood.
+    pub understood: Understood,
     /// Whether the map contains what was asked for: `confidence` is at least one half.
     pub present: bool,
+    /// Why it does not, where an attribute or a relation decided that, or could not be decided.
+    pub reason: Option<String>,
     /// Confidence that the map contains what was asked for, 0..1.
     pub confidence: f32,
     /// Share of the view's pixels or of the map's Gaussians that have language, 0..1. It tells
@@ -30,6 +34,19 @@ pub struct Answer {
     pub objects: Option<Vec<Object>>,
     /// Duration of each step.
     pub timing: Timing,
+}
+
+/// How a text was understood: the parts that are decided one by one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Understood {
+    /// The kind of thing.
+    pub object: String,
+    /// What it looks like: "red", "not big".
+    pub attributes: Vec<String>,
+    /// Where it is, without the other thing: "next to", "not on".
+    pub relation: Option<String>,
+    /// The other thing, as a text that asks for it; two for "between".
+    pub others: Vec<String>,
 }
 
 /// Relevancy in 0..1, `[height * width]`, row-major.

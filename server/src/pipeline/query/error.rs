@@ -30,6 +30,14 @@ pub enum QueryError {
         /// Bytes in the request.
         found: usize,
     },
+    /// A text asks for something that cannot be decided.
+    #[error("{field}: {reason}")]
+    NotUnderstood {
+        /// `text`.
+        field: &'static str,
+        /// What is not understood, and what to ask instead.
+        reason: String,
+    },
     /// A segmentation has too few or too many texts.
     #[error("texts: expected 2 to {limit}, found {found}")]
     WrongTextCount {
@@ -129,6 +137,7 @@ impl QueryError {
         match self {
             Self::UnknownFrame { .. } => Some("view.frame"),
             Self::EmptyText { field }
+            | Self::NotUnderstood { field, .. }
             | Self::TextTooLong { field, .. }
             | Self::BadSize { field, .. } => Some(field),
             Self::WrongTextCount { .. } => Some("texts"),

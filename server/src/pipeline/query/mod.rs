@@ -11,6 +11,7 @@
 
 mod answer;
 mod camera;
+mod choice;
 mod config;
 mod disjoint_sets;
 mod error;
@@ -19,6 +20,7 @@ mod feature_decoder;
 mod labels;
 mod limits;
 mod mesh;
+mod question;
 mod relevancy;
 mod render;
 mod request;
@@ -33,7 +35,7 @@ mod worker;
 
 pub use answer::{
     Answer, Heatmap, LabelImage, LabelledPoint, Mask, Object, Peak, RenderedImage, ScoredBox,
-    ScoredPoint, Segmentation, Timing,
+    ScoredPoint, Segmentation, Timing, Understood,
 };
 pub use config::QueryConfig;
 pub use error::QueryError;

@@ -1,12 +1,15 @@
 //! The parameters and the results of a search, in a view or in space.
 
-use super::answer::{Answer, Heatmap, Mask, Object, Peak, ScoredBox, ScoredPoint, Timing};
+use super::answer::{
+    Answer, Heatmap, Mask, Object, Peak, ScoredBox, ScoredPoint, Timing, Understood,
+};
 use super::config::QueryConfig;
 use super::relevancy::{Calibration, Prompts, is_present};
 use super::request::Query;
 use crate::pipeline::snapshot::MapSnapshot;
 
 /// A query with everything that its search depends on.
+#[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     pub snapshot: &'a MapSnapshot,
     pub query: &'a Query,
@@ -28,16 +31,27 @@ pub(super) struct Findings {
     pub peak: Option<Peak>,
     pub points: Option<Vec<ScoredPoint>>,
     pub objects: Option<Vec<Object>>,
+    /// Why nothing is meant, although there may be things of the kind.
+    pub reason: Option<String>,
 }
 
 impl Findings {
     /// The answer of a revision.
-    pub(super) fn into_answer(self, revision: u64, threshold: f32, timing: Timing) -> Answer {
-        let Self { confidence, coverage, heatmap, mask, boxes, peak, points, objects } = self;
+    pub(super) fn into_answer(
+        self,
+        revision: u64,
+        understood: Understood,
+        threshold: f32,
+        timing: Timing,
+    ) -> Answer {
+        let Self { confidence, coverage, heatmap, mask, boxes, peak, points, objects, reason } =
+            self;
         let present = is_present(confidence);
         Answer {
             revision,
+            understood,
             present,
+            reason,
             confidence,
             coverage,
             threshold,

@@ -2,21 +2,23 @@
 
 use super::answer::{Answer, RenderedImage, Segmentation, Timing};
 use super::camera;
+use super::choice::Finder;
 use super::config::QueryConfig;
 use super::error::QueryError;
 use super::feature_decoder::FeatureDecoder;
 use super::limits::MAX_TEXTS;
-use super::relevancy::Calibration;
+use super::question::Wanted;
+use super::relevancy::{Calibration, is_present};
 use super::render::{self, PaletteCache, Scene};
 use super::request::{Query, RenderRequest, SegmentationRequest, checked_threshold};
-use super::search::Search;
-use super::space::{self, SpaceFeatureCache};
+use super::search::{Findings, Search};
+use super::space::{self, FoundObject, SpaceFeatureCache};
 use super::stopwatch::{Stopwatch, milliseconds_since};
-use super::text::TextEmbedder;
+use super::text::{TextEmbedder, wanted};
 use super::view::{self, ViewFeatureCache};
 use crate::pipeline::network::TextNetworks;
 use crate::pipeline::snapshot::MapSnapshot;
-use lexsplat_gpu::Gpu;
+use lexsplat_gpu::{Camera, Gpu};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -67,34 +69,67 @@ impl Worker {
         let threshold = checked_threshold(query.threshold, self.threshold)?;
         let mut timing = Timing::default();
         let mut stopwatch = Stopwatch::start();
-        let texts = std::slice::from_ref(&query.text);
-        let prompts = &self.embedder.prompts("text", texts, &query.negatives)?;
+        let wanted = &wanted("text", &query.text)?;
+        let prompts = &self.embedder.prompts_of(wanted, &query.negatives)?;
         timing.text = stopwatch.lap();
-        let (config, calibration) = (&self.config, &self.calibration);
-        let search = Search { snapshot, query, prompts, threshold, config, calibration };
+        let (config, calibration) = (&self.config.clone(), &self.calibration.clone());
+        let search = &Search { snapshot, query, prompts, threshold, config, calibration };
         let findings = match &query.view {
             Some(view) => {
                 let camera = camera::of_view(snapshot, view)?;
-                let features = self.view_features.features(
-                    &mut self.scene,
-                    &mut self.decoder,
-                    snapshot,
-                    &camera,
-                    config.code_columns,
-                    &mut timing,
-                )?;
-                stopwatch.lap();
-                view::search(&search, &features, &camera)
+                self.in_view(search, wanted, &camera, &mut timing, &mut stopwatch)?
             }
-            None => {
-                let features = self.space_features.features(&mut self.decoder, snapshot)?;
-                timing.decode = stopwatch.lap();
-                space::search(&search, features, &mut self.decoder)?
-            }
+            None => self.in_space(search, wanted, &mut timing, &mut stopwatch)?,
         };
         timing.score = stopwatch.lap();
         timing.total = milliseconds_since(received);
-        Ok(findings.into_answer(snapshot.revision, threshold, timing))
+        Ok(findings.into_answer(snapshot.revision, wanted.into(), threshold, timing))
+    }
+
+    /// What is meant, in the whole map.
+    fn in_space(
+        &mut self,
+        search: &Search<'_>,
+        wanted: &Wanted,
+        timing: &mut Timing,
+        stopwatch: &mut Stopwatch,
+    ) -> Result<Findings, QueryError> {
+        let features = self.space_features.features(&mut self.decoder, search.snapshot)?;
+        timing.decode = stopwatch.lap();
+        let (embedder, decoder) = (&mut self.embedder, &mut self.decoder);
+        let mut finder = Finder { embedder, decoder, features, threshold: self.threshold };
+        let (found, reason) = finder.meant(search, wanted, None)?;
+        Ok(Findings { reason, ..space::findings(search, features, found) })
+    }
+
+    /// What is meant, in a view. Where objects are to be chosen, that is done in space, and pixels that do
+    /// not show them are not relevant.
+    fn in_view(
+        &mut self,
+        search: &Search<'_>,
+        wanted: &Wanted,
+        camera: &Camera,
+        timing: &mut Timing,
+        stopwatch: &mut Stopwatch,
+    ) -> Result<Findings, QueryError> {
+        let (snapshot, columns) = (search.snapshot, search.config.code_columns);
+        let (scene, decoder) = (&mut self.scene, &mut self.decoder);
+        let features =
+            self.view_features.features(scene, decoder, snapshot, camera, columns, timing)?;
+        stopwatch.lap();
+        if wanted.is_plain() {
+            return Ok(view::search(search, &features, camera, None));
+        }
+        let in_space = self.space_features.features(decoder, snapshot)?;
+        let (embedder, threshold) = (&mut self.embedder, self.threshold);
+        let mut finder = Finder { embedder, decoder, features: in_space, threshold };
+        let (found, reason) = finder.meant(search, wanted, Some(camera))?;
+        let rows: Vec<u32> = found.objects.iter().flat_map(FoundObject::rows).collect();
+        let share = scene.share(snapshot, &camera::narrowed(camera, columns), &rows)?;
+        let seen = view::search(search, &features, camera, Some(&share));
+        let is_hidden = !rows.is_empty() && !is_present(seen.confidence);
+        let hidden = is_hidden.then(|| "the map has it, but this view does not show it".into());
+        Ok(Findings { reason: reason.or(hidden), ..seen })
     }
 
     /// Labels each pixel or Gaussian with the most relevant of several texts.

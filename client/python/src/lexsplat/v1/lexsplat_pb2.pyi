@@ -417,7 +417,7 @@ class Bounds(_message.Message):
     def __init__(self, min_metres: _Optional[_Union[Vector3, _Mapping]] = ..., max_metres: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class QueryResponse(_message.Message):
-    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged", "left_out")
+    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged", "left_out", "understood", "reason")
     QUERY_ID_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     MAP_FIELD_NUMBER: _ClassVar[int]
@@ -438,6 +438,8 @@ class QueryResponse(_message.Message):
     SETTLED_FIELD_NUMBER: _ClassVar[int]
     CONVERGED_FIELD_NUMBER: _ClassVar[int]
     LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
+    UNDERSTOOD_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
     query_id: str
     text: str
     map: str
@@ -458,7 +460,21 @@ class QueryResponse(_message.Message):
     settled: bool
     converged: bool
     left_out: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ..., left_out: _Optional[_Iterable[str]] = ...) -> None: ...
+    understood: Understood
+    reason: str
+    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ..., left_out: _Optional[_Iterable[str]] = ..., understood: _Optional[_Union[Understood, _Mapping]] = ..., reason: _Optional[str] = ...) -> None: ...
+
+class Understood(_message.Message):
+    __slots__ = ("object", "attributes", "relation", "others")
+    OBJECT_FIELD_NUMBER: _ClassVar[int]
+    ATTRIBUTES_FIELD_NUMBER: _ClassVar[int]
+    RELATION_FIELD_NUMBER: _ClassVar[int]
+    OTHERS_FIELD_NUMBER: _ClassVar[int]
+    object: str
+    attributes: _containers.RepeatedScalarFieldContainer[str]
+    relation: str
+    others: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, object: _Optional[str] = ..., attributes: _Optional[_Iterable[str]] = ..., relation: _Optional[str] = ..., others: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Segmentation(_message.Message):
     __slots__ = ("legend", "image", "points")

@@ -44,6 +44,27 @@ impl Scene {
         loaded.renderer.render_language(&loaded.device, camera)
     }
 
+    /// For each pixel of a view, the part of what it shows that is of the Gaussians `rows`, 0..1; 0 where it
+    /// shows nothing.
+    pub(crate) fn share(
+        &mut self,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+        rows: &[u32],
+    ) -> Result<Vec<f32>, GpuError> {
+        let mut marked = (*snapshot.gaussians).clone();
+        let channels = marked.language.channels;
+        marked.language.features.fill(0.0);
+        for &row in rows {
+            marked.language.features[row as usize * channels] = 1.0;
+        }
+        let mut device = Gaussians::for_drawing(&self.gpu, channels);
+        device.append(&marked)?;
+        let image = self.load(snapshot)?.renderer.render_language(&device, camera)?;
+        let marks = image.codes.iter().step_by(channels).zip(&image.opacity);
+        Ok(marks.map(|(mark, opacity)| mark / opacity.max(f32::MIN_POSITIVE)).collect())
+    }
+
     fn load(&mut self, snapshot: &MapSnapshot) -> Result<&mut Loaded, GpuError> {
         let channels = snapshot.online.code_size();
         let kept = self.loaded.take();

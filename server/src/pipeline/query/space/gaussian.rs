@@ -13,7 +13,7 @@ const MAX_RADIUS_METRES: f32 = 0.2;
 
 /// A relevant Gaussian.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct RelevantGaussian {
+pub(crate) struct RelevantGaussian {
     /// Index in the map.
     pub row: u32,
     /// Centre and relevancy.

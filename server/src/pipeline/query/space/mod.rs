@@ -5,6 +5,7 @@ mod boxes;
 mod clusters;
 mod features;
 mod filter;
+mod found;
 mod gaussian;
 mod neighbours;
 mod objects;
@@ -12,8 +13,11 @@ mod search;
 mod segments;
 mod surface;
 
-pub(super) use features::SpaceFeatureCache;
-pub(super) use search::{search, segment};
+pub(super) use features::{SpaceFeatureCache, SpaceFeatures};
+pub(super) use found::FoundObject;
+pub(super) use search::{Found, confidence_of, find, findings, segment};
 
+#[cfg(test)]
+pub(super) use gaussian::RelevantGaussian;
 #[cfg(test)]
 mod tests;

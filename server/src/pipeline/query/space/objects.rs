@@ -53,19 +53,18 @@ impl ObjectLimits {
 }
 
 /// An object with the indices of its members.
-struct ClusteredObject {
-    object: Object,
-    members: Vec<usize>,
+pub(super) struct ClusteredObject {
+    pub object: Object,
+    pub members: Vec<usize>,
 }
 
-/// The objects, best first, and the indices of all their members, in order. `shares` are the shares
-/// of the Gaussians' segments that are relevant.
+/// The objects, best first. `shares` are the shares of the Gaussians' segments that are relevant.
 pub(super) fn find_objects(
     relevant: &[RelevantGaussian],
     shares: &[f32],
     clustering: ClusterLimits,
     limits: ObjectLimits,
-) -> (Vec<Object>, Vec<usize>) {
+) -> Vec<ClusteredObject> {
     let near = Neighbours::new(relevant, clustering.eps_metres);
     let mut is_core = near.core_points();
     let first = scored(relevant, clusters(&near, &is_core, clustering.min_members));
@@ -74,11 +73,7 @@ pub(super) fn find_objects(
         *is_core &= gaussian.point.score >= min_core;
     }
     let second = scored(relevant, clusters(&near, &is_core, clustering.min_members));
-    let selected = whole(limits.select(second), relevant, shares);
-    let mut members: Vec<usize> =
-        selected.iter().flat_map(|one| one.members.iter().copied()).collect();
-    members.sort_unstable();
-    (selected.into_iter().map(|one| one.object).collect(), members)
+    whole(limits.select(second), relevant, shares)
 }
 
 /// The objects that are no patches of larger things, and the one that is it least in any case.

@@ -3,24 +3,33 @@
 use super::clusters::ClusterLimits;
 use super::features::SpaceFeatures;
 use super::filter;
+use super::found::FoundObject;
 use super::gaussian::{RelevantGaussian, opaque_centre};
-use super::objects::{ObjectLimits, find_objects};
+use super::objects::{ClusteredObject, ObjectLimits, find_objects};
 use super::surface;
 use crate::pipeline::network::NetworkError;
-use crate::pipeline::query::answer::LabelledPoint;
+use crate::pipeline::query::answer::{LabelledPoint, Object};
 use crate::pipeline::query::feature_decoder::FeatureDecoder;
 use crate::pipeline::query::labels::{Labels, best_label, shares};
 use crate::pipeline::query::relevancy::Prompts;
 use crate::pipeline::query::search::{Findings, Search};
 use crate::pipeline::snapshot::MapSnapshot;
 
-/// Objects and points of a query, and its confidence.
-pub(crate) fn search(
+/// What was found of a kind of thing.
+pub(crate) struct Found {
+    /// Best first.
+    pub objects: Vec<FoundObject>,
+    /// Confidence that the map has such a thing, 0..1.
+    pub confidence: f32,
+}
+
+/// The objects of the kind that the search's prompts name.
+pub(crate) fn find(
     search: &Search<'_>,
     features: &SpaceFeatures,
     decoder: &mut FeatureDecoder,
-) -> Result<Findings, NetworkError> {
-    let Search { snapshot, query, threshold, config, .. } = *search;
+) -> Result<Found, NetworkError> {
+    let Search { snapshot, threshold, config, .. } = *search;
     let mut relevant = opaque_gaussians(search, features, decoder)?;
     let scores = relevant.iter().map(|gaussian| gaussian.point.score);
     let confidence = search.calibration.confidence(scores, config.cluster_points);
@@ -30,24 +39,45 @@ pub(crate) fn search(
     let clusters =
         ClusterLimits { eps_metres: config.cluster_metres, min_members: config.cluster_points };
     let limits = ObjectLimits { threshold, score: config.object_score, size: config.object_size };
-    let (mut objects, members) = find_objects(&relevant, &shares, clusters, limits);
-    filter::apply(&mut objects, &query.filter);
+    let clustered = find_objects(&relevant, &shares, clusters, limits).into_iter();
+    let objects = clustered.map(|ClusteredObject { object, members }| FoundObject {
+        object,
+        members: members.iter().map(|&at| relevant[at]).collect(),
+    });
+    Ok(Found { objects: objects.collect(), confidence })
+}
+
+/// The confidence of some of the objects of a kind.
+pub(crate) fn confidence_of(search: &Search<'_>, objects: &[FoundObject]) -> f32 {
+    let members = objects.iter().flat_map(|object| &object.members);
+    let scores = members.map(|gaussian| gaussian.point.score);
+    search.calibration.confidence(scores, search.config.cluster_points)
+}
+
+/// Objects and points of a query.
+pub(crate) fn findings(search: &Search<'_>, features: &SpaceFeatures, found: Found) -> Findings {
+    let Search { snapshot, query, .. } = *search;
+    let Found { objects: found, confidence } = found;
     let points = query.outputs.points.then(|| {
-        let members: Vec<_> = members.iter().map(|&at| relevant[at]).collect();
+        let mut members: Vec<_> =
+            found.iter().flat_map(|one| one.members.iter().copied()).collect();
+        members.sort_unstable_by_key(|member| member.row);
         let mut points = surface::sample(&snapshot.gaussians.language, &members);
         if let Some(within) = query.filter.within {
             points.retain(|point| within.contains(&point.position));
         }
         points
     });
+    let mut objects: Vec<Object> = found.into_iter().map(|one| one.object).collect();
+    filter::apply(&mut objects, &query.filter);
     objects.truncate(query.max_objects);
-    Ok(Findings {
+    Findings {
         confidence,
         coverage: features.coverage(),
         points,
         objects: query.outputs.objects.then_some(objects),
         ..Findings::default()
-    })
+    }
 }
 
 /// All Gaussians with language that are opaque enough, with their relevancies.
@@ -57,7 +87,10 @@ fn opaque_gaussians(
     decoder: &mut FeatureDecoder,
 ) -> Result<Vec<RelevantGaussian>, NetworkError> {
     let relevancies = features.relevancies(decoder, search.snapshot, search.prompts)?;
-    let scored = features.rows().iter().zip(relevancies);
+    // A thing of several kinds is as relevant as of the best one.
+    let best = |texts: &[f32]| texts.iter().copied().fold(0.0, f32::max);
+    let best = relevancies.chunks_exact(search.prompts.texts()).map(best);
+    let scored = features.rows().iter().zip(best);
     let gaussians = &search.snapshot.gaussians;
     Ok(scored.filter_map(|(&row, score)| RelevantGaussian::new(gaussians, row, score)).collect())
 }

@@ -3,7 +3,7 @@
 use super::clusters::{ClusterLimits, clusters};
 use super::gaussian::RelevantGaussian;
 use super::neighbours::{MIN_NEIGHBOURS, Neighbours};
-use super::objects::{ObjectLimits, find_objects};
+use super::objects::ObjectLimits;
 use crate::pipeline::query::answer::{Object, ScoredPoint};
 use nalgebra::Point3;
 use rand::{Rng, SeedableRng};
@@ -14,6 +14,18 @@ const NO_LIMITS: ObjectLimits = ObjectLimits { threshold: 0.5, score: 0.0, size:
 /// All segments are relevant.
 fn whole(relevant: &[RelevantGaussian]) -> Vec<f32> {
     vec![1.0; relevant.len()]
+}
+
+/// The objects, best first, and the indices of all their members.
+fn find_objects(
+    relevant: &[RelevantGaussian],
+    shares: &[f32],
+    clustering: ClusterLimits,
+    limits: ObjectLimits,
+) -> (Vec<Object>, Vec<usize>) {
+    let found = super::objects::find_objects(relevant, shares, clustering, limits);
+    let members = found.iter().flat_map(|one| one.members.iter().copied()).collect();
+    (found.into_iter().map(|one| one.object).collect(), members)
 }
 
 fn objects(relevant: &[RelevantGaussian], clustering: ClusterLimits) -> Vec<Object> {

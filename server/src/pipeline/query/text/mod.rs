@@ -2,6 +2,5 @@
 
 mod cache;
 mod embedder;
-mod subject;
 
-pub(super) use embedder::TextEmbedder;
+pub(super) use embedder::{TextEmbedder, wanted};

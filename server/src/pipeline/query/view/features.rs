@@ -21,6 +21,9 @@ const MIN_OPACITY: f32 = 0.5;
 /// Gaussians have no codes yet, or contrary ones.
 const MIN_LENGTH: f32 = 0.2;
 
+/// Part of a pixel that shows what is meant, above which the pixel counts.
+const MIN_SHARE: f32 = 0.4;
+
 /// Features of those pixels of a low-resolution image that have language.
 pub(crate) struct ViewFeatures {
     width: usize,
@@ -39,12 +42,29 @@ impl ViewFeatures {
 
     /// For each text the relevancy of each pixel at the size of the view, not smoothed; 0 where
     /// there is no language.
-    pub(crate) fn relevancy(&self, prompts: &Prompts, camera: &Camera) -> Vec<RelevancyMap> {
+    pub(crate) fn relevancies(&self, prompts: &Prompts, camera: &Camera) -> Vec<RelevancyMap> {
         let relevancies = prompts.relevancies(&self.features);
         let texts = prompts.texts();
         (0..texts)
             .map(|text| self.map(relevancies.iter().skip(text).step_by(texts).copied(), camera))
             .collect()
+    }
+
+    /// The same for the best of the texts; 0 also where pixels do not show enough of what is meant.
+    /// `share`: for each pixel of these features the part that it shows; `None`: all of it is meant.
+    pub(crate) fn best_relevancy(
+        &self,
+        prompts: &Prompts,
+        camera: &Camera,
+        share: Option<&[f32]>,
+    ) -> RelevancyMap {
+        let relevancies = prompts.relevancies(&self.features);
+        let best = relevancies
+            .chunks_exact(prompts.texts())
+            .map(|texts| texts.iter().copied().fold(0.0, f32::max));
+        let is_meant = |pixel: u32| share.is_none_or(|share| share[pixel as usize] > MIN_SHARE);
+        let meant = best.zip(&self.pixels);
+        self.map(meant.map(|(best, pixel)| if is_meant(*pixel) { best } else { 0.0 }), camera)
     }
 
     /// Relevancies of the pixels with language as a map of the size of the view.

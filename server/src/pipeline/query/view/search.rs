@@ -8,11 +8,17 @@ use crate::pipeline::query::relevancy::{Prompts, RelevancyMap};
 use crate::pipeline::query::search::{Findings, Search};
 use lexsplat_gpu::Camera;
 
-/// Heat map, mask, boxes and peak of a query, and its confidence.
-pub(crate) fn search(search: &Search<'_>, features: &ViewFeatures, camera: &Camera) -> Findings {
+/// Heat map, mask, boxes and peak of a query, and its confidence. `share`: the part of each pixel that shows
+/// what is meant, at the size of the features; `None`: all of it is meant.
+pub(crate) fn search(
+    search: &Search<'_>,
+    features: &ViewFeatures,
+    camera: &Camera,
+    share: Option<&[f32]>,
+) -> Findings {
     let Search { query, threshold, .. } = *search;
     let side = search.config.smoothing(query.smoothing_pixels, camera.width);
-    let relevancy = features.relevancy(search.prompts, camera).swap_remove(0).smoothed(side);
+    let relevancy = features.best_relevancy(search.prompts, camera, share).smoothed(side);
     let least = components::min_pixels(&relevancy);
     let outputs = query.outputs;
     Findings {
@@ -39,7 +45,7 @@ pub(crate) fn segment(
     side: usize,
     threshold: f32,
 ) -> Labels {
-    let maps = features.relevancy(prompts, camera);
+    let maps = features.relevancies(prompts, camera);
     let maps: Vec<RelevancyMap> = maps.into_iter().map(|map| map.smoothed(side)).collect();
     let labels = pixel_labels(&maps, threshold);
     Labels {

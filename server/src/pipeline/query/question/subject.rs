@@ -1,7 +1,7 @@
-//! What a question asks for: "Where is the bed?" asks for "bed".
+//! The part of a question that says what is asked for: of "Where is the bed?", "bed".
 //!
 //! Text towers learned names of things, not questions: asked "where is the bed", the tiny bundle says that
-//! no bed is there. Only English questions are known.
+//! no bed is there.
 
 /// Ways to ask for a thing, in front of its name.
 const OPENINGS: &[&str] = &[
@@ -11,6 +11,9 @@ const OPENINGS: &[&str] = &[
     "where did i leave",
     "where did i put",
     "which one is",
+    "which of",
+    "what about",
+    "is that",
     "how many",
     "have you seen",
     "where can i find",
@@ -26,6 +29,13 @@ const OPENINGS: &[&str] = &[
     "i am looking for",
     "i'm looking for",
     "i need",
+    "i lost",
+    "i cannot find",
+    "i can't find",
+    "tell me where",
+    "can you tell me where",
+    "could you tell me where",
+    "do you know where",
     "look for",
     "search for",
     "find me",
@@ -38,51 +48,72 @@ const OPENINGS: &[&str] = &[
     "go to",
     "take me to",
     "bring me to",
+    "give me",
+    "get me",
+    "i want",
     "please",
 ];
 
-/// Words behind the name in a question.
-const ENDINGS: &[&str] =
-    &["please", "are there", "in here", "around here", "here", "in this room", "in the room"];
+/// Words behind the name that say nothing.
+const ENDINGS: &[&str] = &[
+    "please",
+    "are there",
+    "is",
+    "are",
+    "in here",
+    "around here",
+    "here",
+    "over there",
+    "in this room",
+    "in the room",
+    "in the map",
+];
 
 const ARTICLES: &[&str] = &["a", "an", "the", "some", "any", "my", "your", "our"];
 
 const PUNCTUATION: &[char] = &['.', ',', ';', ':', '!', '?', '…', '¡', '¿'];
 
-const QUOTES: &[[char; 2]] =
+pub(super) const QUOTES: &[[char; 2]] =
     &[['"', '"'], ['\'', '\''], ['“', '”'], ['„', '“'], ['‘', '’'], ['«', '»'], ['`', '`']];
 
 const BRACKETS: &[[char; 2]] = &[['(', ')'], ['[', ']'], ['{', '}']];
 
-/// The name of the thing that is asked for, a part of `text`: without punctuation and brackets around it,
-/// the words of the question, and articles. What stands in quotes is taken as it is. Empty if `text` has no
-/// words.
-pub(super) fn subject(text: &str) -> &str {
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Subject<'a> {
+    /// What stood in quotes, word by word.
+    Literal(&'a str),
+    /// A part of the text. Empty if the text has no words.
+    Words(&'a str),
+}
+
+/// What a text asks for, a part of it: without punctuation and brackets around it, the words of the question,
+/// and articles in front.
+pub(super) fn subject(text: &str) -> Subject<'_> {
     let text = without_punctuation(text);
     if !text.contains(is_word) {
-        return "";
+        return Subject::Words("");
     }
     if let Some(literal) = between(text, QUOTES) {
-        return without_punctuation(literal);
+        return Subject::Literal(without_punctuation(literal));
     }
     if let Some(inside) = between(text, BRACKETS) {
         return subject(inside);
     }
     let mut name = text;
-    let mut is_question = false;
     while let Some(rest) = OPENINGS.iter().find_map(|opening| after_words(name, opening)) {
         name = rest;
-        is_question = true;
     }
-    if is_question {
-        while let Some(rest) = ENDINGS.iter().find_map(|ending| before_words(name, ending)) {
-            name = rest;
-        }
+    while let Some(rest) = ENDINGS.iter().find_map(|ending| before_words(name, ending)) {
+        name = rest;
     }
     while let Some(rest) = ARTICLES.iter().find_map(|article| after_words(name, article)) {
         name = rest;
     }
-    between(name, QUOTES).map_or(name, str::trim)
+    match between(name, QUOTES) {
+        Some(literal) => Subject::Literal(literal.trim()),
+        None => Subject::Words(name),
+    }
 }
 
 /// Whether this is more than a mark. Symbols such as ☕ are words.
@@ -125,6 +156,12 @@ fn before_words<'a>(text: &'a str, words: &str) -> Option<&'a str> {
 mod tests {
     use super::*;
 
+    fn text_of(text: &str) -> &str {
+        match subject(text) {
+            Subject::Literal(text) | Subject::Words(text) => text,
+        }
+    }
+
     #[test]
     fn a_question_asks_for_its_noun() {
         for question in [
@@ -148,12 +185,16 @@ mod tests {
             "the \"bed\"",
             "Where is the bed, please?",
             "Where did I leave my bed?",
+            "bed in the room",
+            "Can you tell me where the bed is?",
+            "I can't find my bed.",
+            "the bed over there",
         ] {
-            assert_eq!(subject(question), "bed", "{question}");
+            assert_eq!(text_of(question), "bed", "{question}");
         }
-        assert_eq!(subject("WHERE ARE THE COFFEE CUPS"), "COFFEE CUPS");
+        assert_eq!(text_of("WHERE ARE THE COFFEE CUPS"), "COFFEE CUPS");
         assert_eq!(
-            subject("¿Where is the red chair next to the window?"),
+            text_of("¿Where is the red chair next to the window?"),
             "red chair next to the window"
         );
     }
@@ -168,7 +209,7 @@ mod tests {
             "find",
             "the",
             "please",
-            "person in the room",
+            "person in the kitchen",
             "cup (red)",
             "5\" screen",
             "rock 'n' roll poster",
@@ -176,17 +217,18 @@ mod tests {
             "où est le lit",
             "いす",
         ] {
-            assert_eq!(subject(name), name);
+            assert_eq!(subject(name), Subject::Words(name));
         }
-        assert_eq!(subject("\"Where is the Way\""), "Where is the Way", "quotes: word by word");
+        assert_eq!(subject("\"Where is the Way\""), Subject::Literal("Where is the Way"));
+        assert_eq!(subject("Where is the 'Way'?"), Subject::Literal("Way"));
     }
 
     #[test]
     fn nothing_but_marks_asks_for_nothing() {
         for text in ["", "?", " ?! ", "...", "()", "\"\"", "«»", "-"] {
-            assert_eq!(subject(text), "");
+            assert_eq!(text_of(text), "");
         }
-        assert_eq!(subject("☕"), "☕");
-        assert_eq!(subject("the a"), "a", "something is left");
+        assert_eq!(text_of("☕"), "☕");
+        assert_eq!(text_of("the a"), "a", "something is left");
     }
 }
