@@ -61,9 +61,9 @@ impl Look {
         self.lightness > LIGHT
     }
 
-    /// The color with the largest share.
+    /// The color with the largest share, of equals the first.
     pub(super) fn main_color(&self) -> Color {
-        let all = Color::ALL.into_iter();
+        let all = Color::ALL.into_iter().rev();
         all.max_by(|a, b| self.share(*a).total_cmp(&self.share(*b))).unwrap_or(Color::Grey)
     }
 }

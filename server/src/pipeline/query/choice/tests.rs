@@ -104,14 +104,14 @@ fn up_decides_what_is_above() {
         Shape::new(&points, &turn)
     };
     let (cup, table) = (world(CUP), world(TABLE));
-    assert!(holds(RelationKind::On, &cup, &table));
+    assert!(holds(RelationKind::Above, &cup, &table));
     // Negative control: with the world's z as up, it is not.
     let level = UnitQuaternion::identity();
     let [cup, table] = [cup, table].map(|shape| {
         let points: Vec<_> = shape.points.iter().map(|point| turn.inverse() * point).collect();
         Shape::new(&points, &level)
     });
-    assert!(!holds(RelationKind::On, &cup, &table));
+    assert!(!holds(RelationKind::Above, &cup, &table));
     assert!(
         (super::shape::level(&-UnitVector3::new_normalize(Vector3::z())) * Vector3::z()).z < 0.0
     );
