@@ -2,8 +2,8 @@
 
 Learns from pixel features of labelled frames and from text embeddings of a whole vocabulary, alone
 and blended in pairs, so that nouns which no frame shows keep their direction. Every tenth noun is
-held out for the report. Writes compress.onnx, decompress.onnx and pixels.npy, the pixel features, which
-later runs use again. The seed is fixed.
+held out for the report. Writes compress.onnx, decompress.onnx and pixels.npy: the pixel features,
+which later runs use again. The seed is fixed.
 """
 
 import time
