@@ -2,7 +2,7 @@
 
 use crate::context::Context;
 use crate::error::EvaluateError;
-use crate::labels::Labels;
+use crate::labels::{LabelSource, Labels};
 use crate::options::{Options, Target};
 use crate::probe::{self, Probe, ProbeTimes};
 use crate::process::processor_seconds;
@@ -13,6 +13,7 @@ use crate::selection::Selection;
 use crate::stages::{self, Stage};
 use crate::step::Step;
 use crate::trajectory::{StampedPose, align, ate, paired, read_tum};
+use crate::words::LanguageScores;
 use crate::{views, words};
 use lexsplat_client::dataset::Dataset;
 use lexsplat_client::http::{HttpClient, HttpError, Status};
@@ -64,24 +65,14 @@ pub async fn evaluate(
     let selection = Selection::of(&seen, &estimate, &mapped.summary, options.hold_out_every);
     let lpips = options.lpips.take();
     let views = views::score(&context, &selection.views(), lpips, &mut on_step).await?;
+    // A map of given poses is in the data set's world already.
+    let truth_from_map = match options.poses {
+        Poses::Given => Isometry3::identity(),
+        Poses::Estimate => align(&trajectory),
+    };
     let source = options.labels.take();
-    let labels = match &source {
-        Some(source) => {
-            Labels::of(source, context.dataset, &selection.tracked, selection.unseen())?
-        }
-        None => None,
-    };
-    let words = match &labels {
-        Some(labels) => {
-            // A map of given poses is in the data set's world already.
-            let truth_from_map = match options.poses {
-                Poses::Given => Isometry3::identity(),
-                Poses::Estimate => align(&trajectory),
-            };
-            Some(words::score(&context, labels, &truth_from_map, &mut on_step).await?)
-        }
-        None => None,
-    };
+    let words =
+        score_words(&context, source.as_ref(), &selection, truth_from_map, &mut on_step).await?;
     let language = words.as_ref().map(|words| &words.language);
     let samples = samples::take(&context, &views, language, &seen).await?;
     // The peak is taken last, so that it includes the queries.
@@ -104,6 +95,23 @@ pub async fn evaluate(
         probe: probed_before.zip(probed_after).map(|(before, after)| Probe::new(before, after)),
     });
     Ok(Evaluation { report, trajectory, trajectory_tum, samples })
+}
+
+/// Scores the labels of a source; `None` without labels. `truth_from_map` aligns the map with the data set.
+async fn score_words(
+    context: &Context<'_>,
+    source: Option<&LabelSource>,
+    selection: &Selection,
+    truth_from_map: Isometry3<f64>,
+    on_step: &mut impl FnMut(Step<'_>),
+) -> Result<Option<LanguageScores>, EvaluateError> {
+    let Some(source) = source else { return Ok(None) };
+    let dataset = context.dataset;
+    let labels = Labels::of(source, dataset, &selection.tracked, selection.unseen())?;
+    Ok(match &labels {
+        Some(labels) => Some(words::score(context, labels, &truth_from_map, on_step).await?),
+        None => None,
+    })
 }
 
 /// A settled map.

@@ -23,7 +23,7 @@
 //! a frame does not list may be there or not: it is not judged in this frame. `synonyms`,
 //! `ignore_labels` and `absent` may be missing.
 
-use super::{Label, Labels, Place, Sight, Sights, TEST_FRAMES};
+use super::label::{Label, Labels, Place, Sight, Sights, TEST_FRAMES};
 use crate::error::EvaluateError;
 use crate::score::Bounds;
 use crate::statistics::spread;

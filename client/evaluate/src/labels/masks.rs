@@ -1,7 +1,7 @@
 //! Labels of a data set with masks: the classes with most pixels. The test frames are evenly spaced
 //! over the tracked frames that the map was not made of.
 
-use super::{COUNTED_EVERY, Label, Labels, Sight, Sights, TEST_FRAMES};
+use super::label::{COUNTED_EVERY, Label, Labels, Sight, Sights, TEST_FRAMES};
 use crate::error::EvaluateError;
 use crate::statistics::spread;
 use lexsplat_client::dataset::Truth;

@@ -9,8 +9,7 @@
 mod means;
 mod record;
 
-pub use means::{ClassScore, LabelMeans, MaskMeans};
-pub use record::{LabelScore, Language, Latency, MaskScore};
+pub use record::{ClassScore, LabelMeans, LabelScore, Language, Latency, MaskMeans, MaskScore};
 
 use crate::context::{Context, Relevancy};
 use crate::error::EvaluateError;

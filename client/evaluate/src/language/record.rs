@@ -1,6 +1,5 @@
 //! Scores of queries about frames, as they are serialised.
 
-use super::means::{ClassScore, LabelMeans};
 use crate::statistics::mean;
 use serde::Serialize;
 
@@ -47,6 +46,61 @@ impl LabelScore {
     pub(crate) fn quality(&self) -> f64 {
         let in_box = f64::from(u8::from(self.peak_in_box));
         self.on_mask.map_or(in_box, |score| score.average_precision)
+    }
+}
+
+/// Means over the frames of a label, or over the means of all frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct LabelMeans {
+    /// Share of peaks in a box.
+    pub loc_box: f64,
+    /// Share of the synonyms' peaks in a box; absent without synonyms.
+    pub loc_synonyms: Option<f64>,
+    /// Means of scores against masks, if there are any.
+    #[serde(flatten)]
+    pub masks: Option<MaskMeans>,
+}
+
+/// Means of scores against masks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct MaskMeans {
+    /// See [`MaskScore::share`].
+    pub share: f64,
+    /// Mean IoU at 0.5.
+    pub miou_paper: f64,
+    /// Mean IoU at 0.5 with a filter of 20 pixels at any frame size.
+    pub miou_unscaled: f64,
+    /// Mean IoU at the bundle's threshold.
+    pub miou_bundle: f64,
+    /// Mean IoU of the released script's mask.
+    pub miou_released: f64,
+    /// Mean IoU of the closed-set labels (argmax).
+    pub miou_argmax: f64,
+    /// Share of peaks on the object.
+    pub loc_mask: f64,
+    /// Mean average precision.
+    pub average_precision: f64,
+}
+
+/// Mean scores of a label.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClassScore {
+    /// The label.
+    pub label: String,
+    /// The text that asked for it.
+    pub query: String,
+    /// Number of test frames that show it.
+    pub frames: usize,
+    /// Means over these frames.
+    #[serde(flatten)]
+    pub means: LabelMeans,
+}
+
+impl LabelMeans {
+    /// Average precision, or the share of peaks in a box if there are no masks: orders means of one
+    /// kind.
+    pub(crate) fn quality(&self) -> f64 {
+        self.masks.map_or(self.loc_box, |masks| masks.average_precision)
     }
 }
 

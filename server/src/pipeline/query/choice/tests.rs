@@ -148,6 +148,9 @@ fn sides_are_those_of_the_view() {
     assert!(!table.holds(Behind, &chair));
 }
 
+/// Low and high corner.
+type Corners = ([f32; 3], [f32; 3]);
+
 /// A map of boxes in their colors, and the objects.
 struct Boxes {
     map: HostGaussians,
@@ -155,7 +158,7 @@ struct Boxes {
 }
 
 impl Boxes {
-    fn new(boxes: &[(([f32; 3], [f32; 3]), [f32; 3])]) -> Self {
+    fn new(boxes: &[(Corners, [f32; 3])]) -> Self {
         let (mut map, mut objects) = (HostGaussians::default(), Vec::new());
         for ((low, high), color) in boxes {
             let mut members = Vec::new();

@@ -45,8 +45,9 @@ pub(super) const CONNECTORS: &[&str] = &[
 pub(super) fn attributes_behind(words: &[Word]) -> (&[Word], Vec<Attribute>) {
     let is_clause = |word: &Word| word.is_in(CONNECTORS) || word.is_in(NOT);
     for at in 1..words.len() {
-        let has_color = || colors::color(&words[at]).is_some_and(|_| words[at].text != "orange");
-        if !is_clause(&words[at]) && !(at + 1 == words.len() && has_color()) {
+        let is_last = at + 1 == words.len();
+        let has_color = || words[at].text != "orange" && colors::color(&words[at]).is_some();
+        if !(is_clause(&words[at]) || is_last && has_color()) {
             continue;
         }
         let (rest, is_not) = connectors_in_front(&words[at..]);
@@ -94,7 +95,7 @@ pub(super) fn attributes_in_front(words: &[Word]) -> (Vec<Word>, Vec<Attribute>)
             start += 1;
         }
         let prefixed = words[start].plain().and_then(|word| word.strip_prefix("non-"));
-        let without_prefix = prefixed.map(|word| tokens::words(word));
+        let without_prefix = prefixed.map(tokens::words);
         is_not ^= prefixed.is_some();
         let rest = without_prefix.as_deref().unwrap_or(&words[start..]);
         let found = (!colors::is_compound(rest))
