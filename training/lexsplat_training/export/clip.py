@@ -26,6 +26,7 @@ from ..networks.clip_tokenizer import tokenizer
 from ..networks.published import AutoEncoder, Compress, Decompress
 from ..networks.vectors import unit
 from . import bundle_writer
+from .bundle import Bundle
 
 EXAMPLE = """\
 --model ViT-B-16 --weights open_clip_model.safetensors --words nouns.txt \\
@@ -133,7 +134,7 @@ def main(arguments=None):
         compress, decompress = Compress(auto_encoder), Decompress(auto_encoder)
     else:
         compress, decompress = fitted(encoder, text, tokens, args)
-    bundle = bundle_writer.Bundle(
+    bundle = Bundle(
         name=args.out.name,
         licence=args.licence,
         feature=feature,

@@ -22,6 +22,7 @@ from ..networks import clip_towers, random_weights, weights
 from ..networks.clip_tokenizer import tokenizer
 from ..networks.published import AutoEncoder, Compress, Decompress, SuperResolution
 from . import bundle_writer
+from .bundle import Bundle
 
 EXAMPLE = """\
 --image sed_model_large.pth --text open_clip_model.safetensors \\
@@ -96,7 +97,7 @@ def main(arguments=None):
     torch.manual_seed(args.random or 0)
     started = time.time()
     vision, decoder, text, feature = networks(args)
-    bundle = bundle_writer.Bundle(
+    bundle = Bundle(
         name=args.out.name,
         licence=args.licence,
         feature=feature,
