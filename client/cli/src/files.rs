@@ -12,7 +12,14 @@ pub fn make_folder(path: &Path) -> Result<()> {
 /// Makes a folder for an answer if it is missing, and removes the pictures of an earlier answer from it.
 pub fn make_answer_folder(path: &Path) -> Result<()> {
     make_folder(path)?;
-    let pictures = ["heatmap.png", "heatmap.npy", "labels.png", "labels.npy", "overlay.png"];
+    let pictures = [
+        "heatmap.png",
+        "heatmap.npy",
+        "uncertainty.png",
+        "labels.png",
+        "labels.npy",
+        "overlay.png",
+    ];
     for file in pictures.map(|name| path.join(name)) {
         if file.exists() {
             std::fs::remove_file(&file)

@@ -4,7 +4,7 @@ use crate::error::EvaluateError;
 use crate::heatmap::Heatmap;
 use image::{DynamicImage, RgbImage};
 use lexsplat_client::dataset::Dataset;
-use lexsplat_client::http::{Answer, HttpClient, Question};
+use lexsplat_client::http::{Answer, HeatmapLink, HttpClient, Question};
 use std::time::{Duration, Instant};
 
 /// The map under evaluation and the data set that it was made of.
@@ -27,10 +27,19 @@ impl Context<'_> {
         let asked = Instant::now();
         let answer = self.client.query(self.map, &question).await?;
         let took = asked.elapsed();
-        let missing = || EvaluateError::Answer { reason: format!("{text:?} has no heat map") };
-        let (array, _) = self.client.heatmap(answer.heatmap.as_ref().ok_or_else(missing)?).await?;
-        let heatmap = Heatmap { width: array.shape[1], values: array.values };
+        let heatmap = self.image(text, answer.heatmap.as_ref()).await?;
         Ok(Relevancy { answer, heatmap, took })
+    }
+
+    /// Fetches an image of an answer about a frame.
+    pub async fn image(
+        &self,
+        text: &str,
+        link: Option<&HeatmapLink>,
+    ) -> Result<Heatmap, EvaluateError> {
+        let missing = || EvaluateError::Answer { reason: format!("{text:?} has no heat map") };
+        let (array, _) = self.client.heatmap(link.ok_or_else(missing)?).await?;
+        Ok(Heatmap { width: array.shape[1], values: array.values })
     }
 }
 

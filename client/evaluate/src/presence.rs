@@ -13,6 +13,7 @@ use crate::error::EvaluateError;
 use crate::labels::{Labels, Sight};
 use crate::statistics::{mean, spread};
 use crate::step::Step;
+use crate::uncertainty::{Tally, Uncertainty};
 use lexsplat_client::http::{Answer, Question};
 use serde::Serialize;
 
@@ -128,30 +129,35 @@ pub(crate) async fn ask_for(
     in_space(context, texts, true).await
 }
 
-/// Asks for absent nouns in the whole map, and for absent nouns and labels in some views.
+/// Asks for absent nouns in the whole map, and for absent nouns and labels in some views. Counts the pixels
+/// of the answers about views by their uncertainty.
 pub(crate) async fn ask(
     context: &Context<'_>,
     labels: &Labels<'_>,
     on_step: &mut impl FnMut(Step<'_>),
-) -> Result<Vec<Judgement>, EvaluateError> {
+) -> Result<(Vec<Judgement>, Option<Uncertainty>), EvaluateError> {
     let mut judgements = in_space(context, &labels.absent, false).await?;
+    let mut tally = Tally::new();
     let views = spread(&labels.frames, VIEWS);
     for (done, &index) in views.iter().enumerate() {
         on_step(Step::Judging { done, of: views.len() });
         let (frame, sights) = (context.dataset.sequence(index), labels.sights.of(index)?);
-        let sights = labels.labels.iter().zip(sights).filter_map(|(label, sight)| match sight {
-            Sight::Shown(_) => Some((&label.query, true)),
-            Sight::Hidden => Some((&label.query, false)),
+        let sights = labels.labels.iter().zip(&sights).filter_map(|(label, sight)| match sight {
+            Sight::Shown(place) => Some((&label.query, Some(place))),
+            Sight::Hidden => Some((&label.query, None)),
             Sight::Unclear => None,
         });
-        for (noun, there) in sights.chain(labels.absent.iter().map(|noun| (noun, false))) {
+        for (noun, place) in sights.chain(labels.absent.iter().map(|noun| (noun, None))) {
             let question = Question::in_frame(noun, frame);
             let answer = context.client.query(context.map, &question).await?;
-            judgements.push(Judgement::in_view(&answer, frame, there));
+            let relevancy = context.image(noun, answer.heatmap.as_ref()).await?;
+            let uncertainty = context.image(noun, answer.uncertainty.as_ref()).await?;
+            tally.add(&relevancy, &uncertainty, answer.threshold, place);
+            judgements.push(Judgement::in_view(&answer, frame, place.is_some()));
         }
     }
     on_step(Step::Judging { done: views.len(), of: views.len() });
-    Ok(judgements)
+    Ok((judgements, tally.into_uncertainty()))
 }
 
 async fn in_space(

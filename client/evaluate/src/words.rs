@@ -7,6 +7,7 @@ use crate::language::{self, Language};
 use crate::presence::{self, Presence};
 use crate::space::{self, Space};
 use crate::step::Step;
+use crate::uncertainty::Uncertainty;
 use nalgebra::Isometry3;
 
 /// All scores of language.
@@ -17,6 +18,8 @@ pub(crate) struct LanguageScores {
     pub space: Option<Space>,
     /// Presence and absence.
     pub presence: Presence,
+    /// Uncertainty of pixels; absent if no view has language.
+    pub uncertainty: Option<Uncertainty>,
 }
 
 /// Asks and scores all queries; `truth_from_map` moves the map into the data set's world.
@@ -36,6 +39,8 @@ pub(crate) async fn score(
         }
         None => (None, presence::ask_for(context, &queries).await?),
     };
-    judgements.extend(presence::ask(context, labels, on_step).await?);
-    Ok(LanguageScores { language, space, presence: Presence::of(judgements, &queries) })
+    let (others, uncertainty) = presence::ask(context, labels, on_step).await?;
+    judgements.extend(others);
+    let presence = Presence::of(judgements, &queries);
+    Ok(LanguageScores { language, space, presence, uncertainty })
 }

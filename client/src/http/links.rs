@@ -15,9 +15,9 @@ pub(super) trait Linked {
 
 impl Linked for Answer {
     fn links(&mut self) -> Vec<&mut String> {
-        let heatmap = self.heatmap.as_mut().map(|link| &mut link.url);
+        let images = [&mut self.heatmap, &mut self.uncertainty].into_iter().flatten();
         let points = self.points.as_mut().map(|link| &mut link.url);
-        heatmap.into_iter().chain(points).collect()
+        images.map(|link| &mut link.url).chain(points).collect()
     }
 }
 

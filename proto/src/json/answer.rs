@@ -41,6 +41,10 @@ pub struct Answer {
     /// View queries only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heatmap: Option<HeatmapLink>,
+    /// The probability that a pixel is in the mask and should not be, or the other way round; view queries
+    /// only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<HeatmapLink>,
     /// Pixels above the threshold; view queries only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<Rle>,
@@ -78,15 +82,15 @@ pub struct Understood {
     pub others: Vec<String>,
 }
 
-/// Where to fetch the heat map: the relevancy of every pixel.
+/// Where to fetch a value for every pixel, 0 to 1: its relevancy, or its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct HeatmapLink {
     pub width: u32,
     pub height: u32,
-    /// The smallest relevancy in it.
+    /// The smallest value in it.
     pub min: f32,
-    /// The largest relevancy in it.
+    /// The largest value in it.
     pub max: f32,
     /// Its address, relative to that of the question: `queries/ID/PART`.
     pub url: String,
@@ -136,7 +140,11 @@ pub struct Peak {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = FoundObject))]
 pub struct Object {
+    /// Its relevancy, 0 to 1.
     pub score: f32,
+    /// Confidence that it is what was asked for, 0 to 1.
+    #[serde(default)]
+    pub confidence: f32,
     /// Centre of the oriented box.
     #[serde(rename = "center_metres")]
     pub center: [f32; 3],

@@ -27,8 +27,8 @@ pub struct Question {
     /// Answer for this view.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub view: Option<View>,
-    /// Only with `text`: any of heatmap, mask, boxes, points, objects; absent or empty: all that
-    /// fit the question.
+    /// Only with `text`: any of heatmap, uncertainty, mask, boxes, points, objects; absent or
+    /// empty: all that fit the question.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outputs: Option<Vec<String>>,
     /// Relevancy above which something counts as found, 0 to 1; absent: the default of the model

@@ -37,4 +37,6 @@ pub enum Channel {
     /// Language codes as colors.
     Language,
     Opacity,
+    /// How far the codes of keyframes spread around the map's, from 0 to 1; float32 as npy.
+    Spread,
 }

@@ -32,6 +32,7 @@ fn answer() -> Answer {
         coverage: 1.0,
         threshold: 0.5,
         heatmap: None,
+        uncertainty: None,
         mask: None,
         boxes: None,
         peak: None,
@@ -51,6 +52,7 @@ fn answers_about_a_view() {
     let (width, height, url) = (64, 48, "/h".to_owned());
     let view = Answer {
         heatmap: Some(HeatmapLink { width, height, min: 0.25, max: 0.5, url }),
+        uncertainty: Some(HeatmapLink { width, height, min: 0.0, max: 0.5, url: "/u".into() }),
         mask: Some(Rle { size: [48, 64], counts: vec![1, 2] }),
         boxes: Some(vec![PixelBox { x: 1.0, y: 2.0, width: 3.0, height: 4.0, score: 0.5 }]),
         peak: Some(Peak { x: 1.0, y: 2.0, score: 0.5 }),
@@ -60,6 +62,7 @@ fn answers_about_a_view() {
         "{ANSWER_JSON},{}{TIMING_JSON}}}",
         concat!(
             r#""heatmap":{"width":64,"height":48,"min":0.25,"max":0.5,"url":"/h"},"#,
+            r#""uncertainty":{"width":64,"height":48,"min":0.0,"max":0.5,"url":"/u"},"#,
             r#""mask":{"size":[48,64],"counts":[1,2]},"#,
             r#""boxes":[{"x":1.0,"y":2.0,"width":3.0,"height":4.0,"score":0.5}],"#,
             r#""peak":{"x":1.0,"y":2.0,"score":0.5},"timing_ms":"#
@@ -90,6 +93,7 @@ fn what_is_understood() {
 fn answers_in_3d() {
     let object = Object {
         score: 0.5,
+        confidence: 0.75,
         center: [1.0, 2.0, 3.0],
         size: [1.0; 3],
         rotation: [1.0, 0.0, 0.0, 0.0],
@@ -102,7 +106,7 @@ fn answers_in_3d() {
     let points = Some(PointsLink { count: 9, url: "/p".into() });
     let space = Answer { points, objects: Some(vec![object, near]), ..answer() };
     let object = concat!(
-        r#"{"score":0.5,"center_metres":[1.0,2.0,3.0],"size_metres":[1.0,1.0,1.0],"rotation":[1.0,0.0,0.0,0.0],"#,
+        r#"{"score":0.5,"confidence":0.75,"center_metres":[1.0,2.0,3.0],"size_metres":[1.0,1.0,1.0],"rotation":[1.0,0.0,0.0,0.0],"#,
         r#""aabb_min_metres":[0.0,0.0,0.0],"aabb_max_metres":[2.0,2.0,2.0],"points":9"#
     );
     let json = format!(

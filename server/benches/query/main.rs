@@ -137,6 +137,7 @@ impl Bench {
                 rgb: Arc::default(),
                 has_language: false,
             }]),
+            evidence: Arc::default(),
             up: None,
         })
     }

@@ -36,6 +36,7 @@ pub(crate) const HTTP: &[(&str, &str, Need)] = &[
     ("DELETE", "/v1/maps/{name}", Need::Scope(Scope::Admin)),
     ("POST", "/v1/maps/{name}/query", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/queries/{query_id}/heatmap", Need::Scope(Scope::Read)),
+    ("GET", "/v1/maps/{name}/queries/{query_id}/uncertainty", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/queries/{query_id}/points", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/queries/{query_id}/labels", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/frames", Need::Scope(Scope::Read)),

@@ -32,6 +32,7 @@ fn channel(channel: json::Channel) -> Channel {
         json::Channel::Depth => Channel::Depth,
         json::Channel::Language => Channel::Language,
         json::Channel::Opacity => Channel::Opacity,
+        json::Channel::Spread => Channel::Spread,
     }
 }
 

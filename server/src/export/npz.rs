@@ -10,9 +10,13 @@
 //! - `opacity` `[n]`: 0..1.
 //! - `log_scale` `[n, 3]`: natural logarithms of the standard deviations, metres.
 //! - `rotation` `[n, 4]`: quaternions (w, x, y, z).
+//! - `views` `[n]`: number of keyframes with language that show the Gaussian.
+//! - `spread` `[n]`: how far their codes are from the map's: sqrt(1 - mean cosine), drawn towards the
+//!   mean of the map where views are few.
 
 use super::npy;
 use crate::pipeline::compressor::GENERIC_SIZE;
+use crate::pipeline::evidence::Sightings;
 use crate::pipeline::snapshot::MapSnapshot;
 use std::io::{Cursor, Write as _};
 use zip::CompressionMethod;
@@ -32,12 +36,17 @@ pub(super) fn language_npz(snapshot: &MapSnapshot) -> Vec<u8> {
     }
     let opacity: Vec<f32> =
         head.opacity_logits.iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect();
+    let seen = |value: fn(&Sightings) -> f32| -> Vec<f32> {
+        snapshot.sightings().iter().map(value).collect()
+    };
     archive(&[
         ("codes", npy(&[count, size], &head.features)),
         ("generic", npy(&[count, GENERIC_SIZE], &generic)),
         ("opacity", npy(&[count], &opacity)),
         ("log_scale", npy(&[count, 3], head.log_scales.as_flattened())),
         ("rotation", npy(&[count, 4], head.rotations.as_flattened())),
+        ("views", npy(&[count], &seen(|one| one.views as f32))),
+        ("spread", npy(&[count], &seen(|one| one.spread))),
     ])
 }
 
@@ -75,13 +84,14 @@ mod tests {
             online: stage.into(),
             trajectory: Arc::default(),
             keyframes: Arc::default(),
+            evidence: Arc::default(),
             up: None,
         };
         let mut zip = zip::ZipArchive::new(Cursor::new(language_npz(&snapshot))).unwrap();
         let mut names: Vec<String> =
             zip.file_names().map(|name| name.unwrap().into_owned()).collect();
         names.sort();
-        let expected = ["codes", "generic", "log_scale", "opacity", "rotation"];
+        let expected = ["codes", "generic", "log_scale", "opacity", "rotation", "spread", "views"];
         assert_eq!(names, expected.map(|name| format!("{name}.npy")));
         let array = npyz::NpyFile::new(zip.by_name("generic.npy").unwrap()).unwrap();
         assert_eq!(array.shape(), [2, GENERIC_SIZE as u64]);

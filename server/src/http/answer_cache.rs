@@ -13,6 +13,7 @@ pub(super) struct Kept {
     id: String,
     map: String,
     pub(super) heatmap: Option<Heatmap>,
+    pub(super) uncertainty: Option<Heatmap>,
     pub(super) points: Option<Vec<ScoredPoint>>,
     labels: Option<Arc<LabelImage>>,
     pub(super) labelled: Option<Vec<LabelledPoint>>,
@@ -20,11 +21,12 @@ pub(super) struct Kept {
 
 impl Kept {
     fn bytes(&self) -> usize {
-        let heatmap = self.heatmap.as_ref().map_or(0, |heatmap| heatmap.values.len());
+        let images = [&self.heatmap, &self.uncertainty].into_iter().flatten();
+        let pixels: usize = images.map(|image| image.values.len()).sum();
         let points = self.points.as_ref().map_or(0, Vec::len);
         let labels = self.labels.as_ref().map_or(0, |image| image.labels.len());
         let labelled = self.labelled.as_ref().map_or(0, Vec::len);
-        heatmap * size_of::<f32>()
+        pixels * size_of::<f32>()
             + points * size_of::<ScoredPoint>()
             + labels
             + labelled * size_of::<LabelledPoint>()
@@ -47,13 +49,15 @@ impl AnswerCache {
         self.kept.lock().expect("no thread panics while it holds the answers")
     }
 
-    /// Keeps the heat map and the points of an answer, which are taken out of it.
+    /// Keeps the images and the points of an answer, which are taken out of it.
     pub(super) fn keep(&self, id: &str, map: &str, answer: &mut Answer) {
-        let (heatmap, points) = (answer.heatmap.take(), answer.points.take());
-        if heatmap.is_none() && points.is_none() {
+        let (heatmap, uncertainty) = (answer.heatmap.take(), answer.uncertainty.take());
+        let points = answer.points.take();
+        if heatmap.is_none() && uncertainty.is_none() && points.is_none() {
             return;
         }
-        self.push(Kept { id: id.into(), map: map.into(), heatmap, points, ..Kept::default() });
+        let (id, map) = (id.into(), map.into());
+        self.push(Kept { id, map, heatmap, uncertainty, points, ..Kept::default() });
     }
 
     /// Keeps the labels of an answer to several texts.
@@ -107,6 +111,7 @@ mod tests {
             coverage: 1.0,
             threshold: 0.5,
             heatmap: Some(Heatmap { width: pixels as u32, height: 1, values: vec![0.5; pixels] }),
+            uncertainty: None,
             mask: None,
             boxes: None,
             peak: None,

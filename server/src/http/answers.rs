@@ -1,11 +1,12 @@
-//! Fetching the heat map, labels and points of recent answers.
+//! Fetching the heat map, uncertainty, labels and points of recent answers.
 
+use super::answer_cache::Kept;
 use super::error::Problem;
 use super::extract::{NPY, NamedMap, Segments, wants_npy};
 use super::schema::Binary;
-use super::state::State;
+use super::state::{Shared, State};
 use crate::export;
-use crate::pipeline::query::{LabelledPoint, ScoredPoint};
+use crate::pipeline::query::{Heatmap, LabelledPoint, ScoredPoint};
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse as _, Response};
 use lexsplat_proto::json;
@@ -26,22 +27,55 @@ pub(super) async fn heatmap(
     segments: Segments,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let kept = state.answers.find(map.name(), segments.get("query_id"))?;
-    if kept.heatmap.is_none() {
-        return Err(Problem::not_found("the answer has no heat map: ask for output \"heatmap\""));
+    let missing = "the answer has no heat map: ask for output \"heatmap\"";
+    image(&state, map.name(), &segments, &headers, |kept| kept.heatmap.as_ref(), missing).await
+}
+
+/// The probability that a pixel is in the mask and should not be, or the other way round: PNG in color, or
+/// float32 npy `[height, width]`.
+#[utoipa::path(
+    get, path = "/v1/maps/{name}/queries/{query_id}/uncertainty", operation_id = "get_uncertainty", tag = "query",
+    params(("name" = String, Path), ("query_id" = String, Path)),
+    responses(
+        (status = 200, description = "PNG; with Accept: application/x-npy an array",
+            content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
+        (status = 404, description = "the answer is no longer kept, or has no such part", body = json::Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn uncertainty(
+    state: State,
+    NamedMap(map): NamedMap,
+    segments: Segments,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let missing = "the answer has no uncertainty: ask for output \"uncertainty\" about a view";
+    image(&state, map.name(), &segments, &headers, |kept| kept.uncertainty.as_ref(), missing).await
+}
+
+/// One of the images of an answer. `missing`: what to tell those whose answer has none.
+async fn image(
+    state: &Shared,
+    map: &str,
+    segments: &Segments,
+    headers: &HeaderMap,
+    of: fn(&Kept) -> Option<&Heatmap>,
+    missing: &str,
+) -> Result<Response, Problem> {
+    let kept = state.answers.find(map, segments.get("query_id"))?;
+    if of(&kept).is_none() {
+        return Err(Problem::not_found(missing));
     }
-    let npy = wants_npy(&headers);
+    let npy = wants_npy(headers);
     let written = tokio::task::spawn_blocking(move || {
-        let heatmap = kept.heatmap.as_ref().expect("checked above");
-        let (width, height) = (heatmap.width, heatmap.height);
+        let Heatmap { width, height, values } = of(&kept).expect("checked above");
         match npy {
-            true => export::npy(&[height as usize, width as usize], &heatmap.values),
-            false => export::heatmap_png(width, height, &heatmap.values),
+            true => export::npy(&[*height as usize, *width as usize], values),
+            false => export::heatmap_png(*width, *height, values),
         }
     });
     let file = written
         .await
-        .map_err(|_| Problem::internal("writing the heat map panicked: see the server's log"))?;
+        .map_err(|_| Problem::internal("writing the image panicked: see the server's log"))?;
     let kind = if npy { NPY } else { "image/png" };
     Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], file).into_response())
 }

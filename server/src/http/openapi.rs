@@ -29,6 +29,7 @@ use utoipa::{Modify, OpenApi};
         map::trajectory,
         query::ask,
         answers::heatmap,
+        answers::uncertainty,
         answers::points,
         answers::labels,
         render::of_frame,

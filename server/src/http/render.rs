@@ -42,7 +42,7 @@ pub(super) struct FrameOptions {
         WaitOptions,
     ),
     responses(
-        (status = 200, description = "PNG; depth with Accept: application/x-npy an array",
+        (status = 200, description = "PNG; depth and spread with Accept: application/x-npy an array",
             content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
         (status = 400, description = "a field is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or frame", body = json::Problem, content_type = "application/problem+json"),
@@ -68,7 +68,7 @@ pub(super) async fn of_frame(
     post, path = "/v1/maps/{name}/render", operation_id = "render_view", tag = "maps", params(("name" = String, Path), WaitOptions),
     request_body = RenderRequest,
     responses(
-        (status = 200, description = "PNG; depth with Accept: application/x-npy an array",
+        (status = 200, description = "PNG; depth and spread with Accept: application/x-npy an array",
             content((inline(Binary) = "image/png"), (inline(Binary) = "application/x-npy"))),
         (status = 400, description = "a field is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map or frame", body = json::Problem, content_type = "application/problem+json"),
@@ -98,7 +98,7 @@ async fn picture(
     let (snapshot, most) = (reading.snapshot.clone(), state.config.max_render_pixels);
     let request = check::render_request(request, |frame| snapshot.camera(frame), most)?;
     let picture = state.in_time(state.engine().render(client, snapshot, request)).await??;
-    let npy = wants_npy(headers) && matches!(picture, RenderedImage::Depth { .. });
+    let npy = wants_npy(headers) && !matches!(picture, RenderedImage::Rgb { .. });
     let written = tokio::task::spawn_blocking(move || write(&picture, npy)).await;
     let file = written
         .map_err(|_| Problem::internal("writing the image panicked: see the server's log"))?;
@@ -116,11 +116,17 @@ async fn picture(
 fn write(picture: &RenderedImage, npy: bool) -> Vec<u8> {
     match picture {
         RenderedImage::Rgb { width, height, data } => export::rgb_png(*width, *height, data),
-        RenderedImage::Depth { width, height, metres } if npy => {
-            export::npy(&[*height as usize, *width as usize], metres)
+        RenderedImage::Depth { width, height, metres: values }
+        | RenderedImage::Spread { width, height, values }
+            if npy =>
+        {
+            export::npy(&[*height as usize, *width as usize], values)
         }
         RenderedImage::Depth { width, height, metres } => {
             export::depth_png(*width, *height, metres)
+        }
+        RenderedImage::Spread { width, height, values } => {
+            export::heatmap_png(*width, *height, values)
         }
     }
 }
@@ -132,5 +138,6 @@ fn channel_name(channel: Channel) -> &'static str {
         Channel::Depth => "depth",
         Channel::Language => "language",
         Channel::Opacity => "opacity",
+        Channel::Spread => "spread",
     }
 }

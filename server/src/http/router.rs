@@ -67,6 +67,7 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/v1/maps/{name}", get(map::show).delete(map::delete))
         .route("/v1/maps/{name}/query", post(query::ask))
         .route("/v1/maps/{name}/queries/{query_id}/heatmap", get(answers::heatmap))
+        .route("/v1/maps/{name}/queries/{query_id}/uncertainty", get(answers::uncertainty))
         .route("/v1/maps/{name}/queries/{query_id}/points", get(answers::points))
         .route("/v1/maps/{name}/queries/{query_id}/labels", get(answers::labels))
         .route("/v1/maps/{name}/frames", get(map::frames))

@@ -5,7 +5,9 @@ use crate::maps::{Listed, LoadProgress};
 use crate::pipeline::frame::Intrinsics;
 use crate::pipeline::input_warning::InputWarning;
 use crate::pipeline::map::{MapStatus, Reading};
-use crate::pipeline::query::{Answer, Object, ScoredBox, Segmentation, Timing, Understood};
+use crate::pipeline::query::{
+    Answer, Heatmap, Object, ScoredBox, Segmentation, Timing, Understood,
+};
 use crate::pipeline::snapshot::KeyframeInfo;
 use crate::pipeline::up::MapUp;
 use lexsplat_proto::json;
@@ -126,11 +128,8 @@ pub(super) fn answer(
         confidence: answer.confidence,
         coverage: answer.coverage,
         threshold: answer.threshold,
-        heatmap: answer.heatmap.as_ref().map(|heatmap| {
-            let (min, max) = export::extremes(&heatmap.values);
-            let (width, height) = (heatmap.width, heatmap.height);
-            json::HeatmapLink { width, height, min, max, url: url("heatmap") }
-        }),
+        heatmap: answer.heatmap.as_ref().map(|image| image_link(image, url("heatmap"))),
+        uncertainty: answer.uncertainty.as_ref().map(|image| image_link(image, url("uncertainty"))),
         mask: answer
             .mask
             .as_ref()
@@ -147,6 +146,11 @@ pub(super) fn answer(
     }
 }
 
+fn image_link(image: &Heatmap, url: String) -> json::HeatmapLink {
+    let (min, max) = export::extremes(&image.values);
+    json::HeatmapLink { width: image.width, height: image.height, min, max, url }
+}
+
 fn understood(found: &Understood) -> json::Understood {
     let Understood { object, attributes, relation, others } = found.clone();
     json::Understood { object, attributes, relation, others }
@@ -161,6 +165,7 @@ fn object(found: &Object) -> json::Object {
     let q = found.rotation;
     json::Object {
         score: found.score,
+        confidence: found.confidence,
         center: found.center.into(),
         size: found.size.into(),
         rotation: [q.w, q.i, q.j, q.k],

@@ -49,13 +49,16 @@ pub(super) fn fitting(mut response: v1::QueryResponse) -> v1::QueryResponse {
 }
 
 /// What each array takes, bytes.
-fn sizes(response: &v1::QueryResponse) -> [(&'static str, usize); 6] {
+fn sizes(response: &v1::QueryResponse) -> [(&'static str, usize); 7] {
     let segmentation = response.segmentation.as_ref();
     let image = segmentation.and_then(|found| found.image.as_ref());
     let labelled = segmentation.and_then(|found| found.points.as_ref());
     let floats = size_of::<f32>();
+    let image_bytes =
+        |image: &Option<v1::Heatmap>| image.as_ref().map_or(0, |image| image.values.len() * floats);
     [
-        ("heatmap.values", response.heatmap.as_ref().map_or(0, |h| h.values.len() * floats)),
+        ("heatmap.values", image_bytes(&response.heatmap)),
+        ("uncertainty.values", image_bytes(&response.uncertainty)),
         // A count takes a byte or more.
         ("mask.counts", response.mask.as_ref().map_or(0, |mask| mask.counts.len())),
         ("boxes", response.boxes.iter().map(v1::Box::encoded_len).sum()),
@@ -69,6 +72,7 @@ fn leave_out(response: &mut v1::QueryResponse, name: &str) {
     let segmentation = response.segmentation.as_mut();
     match name {
         "heatmap.values" => response.heatmap.iter_mut().for_each(|h| h.values.clear()),
+        "uncertainty.values" => response.uncertainty.iter_mut().for_each(|u| u.values.clear()),
         "mask.counts" => response.mask.iter_mut().for_each(|mask| mask.counts.clear()),
         "boxes" => response.boxes.clear(),
         "points.rows" => response.points.iter_mut().for_each(|points| points.rows.clear()),
@@ -127,6 +131,7 @@ mod tests {
         let found =
             v1::Segmentation { image: Some(image), points: Some(points), ..Default::default() };
         let whole = v1::QueryResponse {
+            uncertainty: Some(v1::Heatmap { values: vec![0.0; many], ..Default::default() }),
             boxes: vec![v1::Box { x: 1.0, ..v1::Box::default() }; many / 5],
             points: Some(v1::PointSet { count: 1, rows: vec![0.0; many] }),
             segmentation: Some(found),

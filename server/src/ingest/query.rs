@@ -60,6 +60,7 @@ fn response(answer: Answer, text: String, map: String) -> v1::QueryResponse {
         coverage: answer.coverage,
         threshold: answer.threshold,
         heatmap: answer.heatmap.map(heatmap),
+        uncertainty: answer.uncertainty.map(heatmap),
         mask: answer.mask.map(|mask| v1::Mask {
             height: mask.height,
             width: mask.width,
@@ -160,5 +161,6 @@ fn object(object: &Object) -> v1::Object {
         aabb_max_metres: Some(vector(object.aabb_max.into())),
         points: u32::try_from(object.points).unwrap_or(u32::MAX),
         distance_metres: object.distance,
+        confidence: object.confidence,
     }
 }

@@ -12,6 +12,7 @@ pub mod compressor;
 mod downsampled_frame;
 pub mod encoder;
 pub mod engine;
+pub mod evidence;
 mod exposure;
 pub mod frame;
 mod frame_times;

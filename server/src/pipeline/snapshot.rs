@@ -1,6 +1,7 @@
 //! An immutable copy of a map for readers. Queries, renders and exports never touch the live map.
 
 use super::compressor::OnlineStage;
+use super::evidence::{Evidence, Sightings};
 use super::frame::{Intrinsics, TrackedFrame};
 use super::up::MapUp;
 use lexsplat_gpu::HostGaussians;
@@ -24,6 +25,8 @@ pub struct MapSnapshot {
     pub trajectory: Arc<Vec<TrackedFrame>>,
     /// The keyframes, in order.
     pub keyframes: Arc<Vec<KeyframeInfo>>,
+    /// What the keyframes say of the Gaussians' language.
+    pub evidence: Arc<Evidence>,
     /// The direction up; `None` while the map is empty.
     pub up: Option<MapUp>,
 }
@@ -42,6 +45,11 @@ pub struct KeyframeInfo {
 }
 
 impl MapSnapshot {
+    /// What the keyframes say of each Gaussian's language; computed when it is first asked for.
+    pub(crate) fn sightings(&self) -> &[Sightings] {
+        self.evidence.sightings(&*self.online)
+    }
+
     /// A tracked frame, by sequence.
     pub fn tracked(&self, sequence: u64) -> Option<&TrackedFrame> {
         let at = self.trajectory.binary_search_by_key(&sequence, |frame| frame.sequence).ok()?;

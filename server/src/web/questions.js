@@ -118,13 +118,13 @@ function drawObjects() {
   const numbers = (list) => list.map((value) => value.toFixed(2)).join(' ');
   const rows = state.objects.map((object, at) => {
     const row = document.createElement('tr');
-    const cells = [at + 1, object.score.toFixed(2), numbers(object.center_metres), numbers(object.size_metres), object.points];
+    const cells = [at + 1, object.score.toFixed(2), `${(100 * object.confidence).toFixed(0)} %`, numbers(object.center_metres), numbers(object.size_metres), object.points];
     row.append(...cells.map((cell) => element('td', cell)));
     return row;
   });
   if (rows.length === 0) {
     const cell = element('td', 'nothing found', 'quiet');
-    cell.colSpan = 5;
+    cell.colSpan = 6;
     rows.push(document.createElement('tr'));
     rows[0].append(cell);
   }

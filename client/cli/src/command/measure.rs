@@ -132,6 +132,11 @@ pub fn write(out: &Path, evaluation: &Evaluation) -> Result<PathBuf> {
             "Confidence and truth",
             report.presence.as_ref().and_then(plot::reliability),
         ),
+        (
+            "uncertainty.png",
+            "Uncertainty and errors of pixels",
+            report.uncertainty.as_ref().map(plot::uncertainty),
+        ),
         ("stages.png", "Stage times", plot::stages(&report.stages, report.frames)),
     ];
     let plots = plots.into_iter().filter_map(|(file, caption, picture)| {

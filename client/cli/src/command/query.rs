@@ -47,7 +47,7 @@ pub struct Query {
     /// Only inside this box: smallest corner, then largest, metres
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     within: Option<[f32; 6]>,
-    /// Folder for heatmap.png, overlay.png, heatmap.npy and points.ply; made if missing
+    /// Folder for heatmap.png, overlay.png, uncertainty.png, heatmap.npy and points.ply; made if missing
     #[arg(long, value_name = "DIR", default_value = "query-out")]
     out: PathBuf,
     /// The server's HTTP address
@@ -166,12 +166,15 @@ fn best_view(frames: &[Keyframe], point: [f64; 3]) -> Option<&Keyframe> {
     priced.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, frame)| frame)
 }
 
-/// Writes heatmap.png, heatmap.npy and overlay.png of a view's answer.
+/// Writes heatmap.png, heatmap.npy, uncertainty.png and overlay.png of a view's answer.
 async fn pictures(client: &HttpClient, answer: &Answer, sequence: u64, out: &Path) -> Result<()> {
     let link = answer.heatmap.as_ref().context("the server's answer has no heat map")?;
     let (relevancy, file) = client.heatmap(link).await?;
     save(&out.join("heatmap.npy"), file)?;
     save(&out.join("heatmap.png"), client.heatmap_png(link).await?)?;
+    if let Some(link) = &answer.uncertainty {
+        save(&out.join("uncertainty.png"), client.heatmap_png(link).await?)?;
+    }
     let render = client.render_png(&answer.map, sequence).await?;
     let render = image::load_from_memory(&render).context("the server's picture")?.to_rgb8();
     save_image(&out.join("overlay.png"), &shown(&render, &relevancy, answer))
@@ -236,8 +239,9 @@ fn boxes_table(boxes: &[PixelBox]) -> String {
 
 fn objects_table(objects: &[Object]) -> String {
     let distances = objects.iter().any(|object| object.distance.is_some());
-    let mut columns =
-        ["object", "score", "centre m", "size m", "points"].map(Column::right).to_vec();
+    let mut columns = ["object", "score", "confidence", "centre m", "size m", "points"]
+        .map(Column::right)
+        .to_vec();
     columns.extend(distances.then_some(Column::right("distance m")));
     let rows: Vec<Vec<String>> = objects
         .iter()
@@ -246,6 +250,7 @@ fn objects_table(objects: &[Object]) -> String {
             let mut row = vec![
                 (at + 1).to_string(),
                 format!("{:.3}", object.score),
+                format!("{:.2}", object.confidence),
                 metres(object.center),
                 metres(object.size),
                 object.points.to_string(),

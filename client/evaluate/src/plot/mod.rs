@@ -5,6 +5,7 @@ mod canvas;
 use crate::presence::{Bin, Presence};
 use crate::stages::{Stage, WITH_WAITING};
 use crate::trajectory::{StampedPose, align};
+use crate::uncertainty::{Part, Uncertainty};
 use crate::views::ViewScore;
 use canvas::Canvas;
 use image::RgbImage;
@@ -197,6 +198,31 @@ pub fn reliability(presence: &Presence) -> Option<RgbImage> {
     }))
 }
 
+/// Share of the pixels that are wrong over uncertainty, a dot for each tenth of the pixels. On the grey line
+/// the uncertainties are probabilities.
+pub fn uncertainty(found: &Uncertainty) -> RgbImage {
+    let title = format!(
+        "uncertainty and errors of pixels: least certain tenth {:.3} wrong, others {:.3}",
+        found.wrong_least_certain, found.wrong_rest
+    );
+    let at = |part: &Part| (part.uncertainty, part.wrong);
+    let most = found.tenths.iter().map(at).fold(0.1, |most: f64, (x, y)| most.max(x).max(y));
+    let range = || -0.05 * most..1.05 * most;
+    drawn(&title, range(), range(), |chart| {
+        let mut mesh = chart.configure_mesh();
+        mesh.label_style(FONT)
+            .light_line_style(WHITE)
+            .x_desc("uncertainty")
+            .y_desc("share wrong")
+            .draw()?;
+        chart.draw_series(LineSeries::new([(0.0, 0.0), (most, most)], TRUTH.stroke_width(2)))?;
+        let points = || found.tenths.iter().map(at);
+        chart.draw_series(LineSeries::new(points(), FOUND.stroke_width(2)))?;
+        chart.draw_series(points().map(|at| Circle::new(at, 6, FOUND.filled())))?;
+        Ok(())
+    })
+}
+
 /// A chart with a title on a white background.
 fn drawn(
     title: &str,
@@ -301,6 +327,22 @@ mod tests {
         assert!(count(&picture, FOUND) > 200 && count(&picture, KEYFRAME) > 200);
         assert_eq!(count(&drawn(all_there).unwrap(), KEYFRAME), 0, "nothing to fit");
         assert!(drawn(Vec::new()).is_none());
+    }
+
+    #[test]
+    fn tenths_are_drawn() {
+        let part = |uncertainty, wrong| Part { uncertainty, wrong };
+        let found = |tenths: Vec<Part>| Uncertainty {
+            pixels: 100,
+            wrong: 0.1,
+            wrong_least_certain: 0.4,
+            wrong_rest: 0.05,
+            calibration_error: 0.1,
+            tenths,
+        };
+        let picture = uncertainty(&found(vec![part(0.5, 0.4), part(0.1, 0.05), part(0.0, 0.0)]));
+        assert!(count(&picture, FOUND) > 500 && count(&picture, TRUTH) > 500);
+        assert_eq!(count(&uncertainty(&found(vec![])), FOUND), 0);
     }
 
     #[test]

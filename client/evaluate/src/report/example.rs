@@ -9,6 +9,7 @@ use crate::probe::{Probe, ProbeTimes, REFERENCE, Repeated};
 use crate::space::{CountScore, Space, SpaceMeans, SpaceScore};
 use crate::stages::Stage;
 use crate::trajectory::Ate;
+use crate::uncertainty::{Part, Uncertainty};
 use crate::views::{ViewMeans, ViewScore};
 
 fn example_space() -> Space {
@@ -143,6 +144,14 @@ pub fn example_report() -> Report {
         language: Some(example_language(scene)),
         space: Some(example_space()),
         presence: Some(example_presence()),
+        uncertainty: Some(Uncertainty {
+            pixels: 76_800,
+            wrong: 0.05,
+            wrong_least_certain: 0.31,
+            wrong_rest: 0.021,
+            calibration_error: 0.012,
+            tenths: vec![Part { uncertainty: 0.3, wrong: 0.31 }],
+        }),
         stages,
         config: Some("[mapper]\nmax_gaussians = 200000\n".into()),
         paper: PAPER,

@@ -103,6 +103,8 @@ fn map_queries(language: &Language) -> String {
     };
     format!(
         "{presence} *Calibration error*: ten bins of confidence, mean of |confidence - share there|, \
-         weighted by size.\n"
+         weighted by size. *Wrong pixels*: in the mask and on something else, or the other way round, over \
+         the same answers about views; the least certain tenth by the server's uncertainty, and the mean of \
+         |mean uncertainty - share wrong| over tenths.\n"
     )
 }

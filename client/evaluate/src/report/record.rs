@@ -9,6 +9,7 @@ use crate::probe::Probe;
 use crate::space::Space;
 use crate::stages::Stage;
 use crate::trajectory::Ate;
+use crate::uncertainty::Uncertainty;
 use crate::views::{ViewMeans, ViewScore};
 use crate::words::LanguageScores;
 use lexsplat_client::dataset::Dataset;
@@ -107,6 +108,8 @@ pub struct Report {
     pub space: Option<Space>,
     /// Presence and absence.
     pub presence: Option<Presence>,
+    /// Uncertainty of the pixels of answers about frames.
+    pub uncertainty: Option<Uncertainty>,
     /// Stages by name, from the opening of the stream until the map was settled.
     pub stages: BTreeMap<String, Stage>,
     /// Settings of the server as TOML, if they are known.
@@ -150,7 +153,7 @@ impl Report {
         let camera = dataset.intrinsics();
         let held_out = ViewMeans::of(views.iter().filter(|view| !view.keyframe));
         let keyframe_views = ViewMeans::of(views.iter().filter(|view| view.keyframe));
-        let (language, space, presence) = parts(measured.words);
+        let Words { language, space, presence, uncertainty } = words(measured.words);
         let scene = language.as_ref().map(|language| language.scene);
         let per_frame = |seconds: f64| seconds / summary.sent.max(1) as f64;
         Self {
@@ -199,6 +202,7 @@ impl Report {
             language,
             space,
             presence,
+            uncertainty,
             stages: measured.stages,
             config: None,
             paper: PAPER,
@@ -207,13 +211,20 @@ impl Report {
     }
 }
 
-fn parts(words: Option<LanguageScores>) -> (Option<Language>, Option<Space>, Option<Presence>) {
-    match words {
-        Some(LanguageScores { language, space, presence }) => {
-            (Some(language), space, Some(presence))
-        }
-        None => (None, None, None),
-    }
+/// The scores of language, each absent if it was not measured.
+#[derive(Default)]
+struct Words {
+    language: Option<Language>,
+    space: Option<Space>,
+    presence: Option<Presence>,
+    uncertainty: Option<Uncertainty>,
+}
+
+fn words(scores: Option<LanguageScores>) -> Words {
+    let Some(LanguageScores { language, space, presence, uncertainty }) = scores else {
+        return Words::default();
+    };
+    Words { language: Some(language), space, presence: Some(presence), uncertainty }
 }
 
 fn encoder_name(encoder: Encoder) -> &'static str {

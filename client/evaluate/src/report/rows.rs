@@ -6,6 +6,7 @@ use super::record::{Refined, Report};
 use crate::language::{LabelMeans, Language};
 use crate::presence::Presence;
 use crate::space::Space;
+use crate::uncertainty::Uncertainty;
 use crate::views::ViewMeans;
 
 /// A row of the overview: a number beside the paper's.
@@ -28,6 +29,7 @@ pub fn rows(report: &Report) -> Vec<Row> {
     rows.extend(report.language.iter().flat_map(language_rows));
     rows.extend(report.space.iter().flat_map(space_rows));
     rows.extend(report.presence.iter().flat_map(presence_rows));
+    rows.extend(report.uncertainty.iter().flat_map(uncertainty_rows));
     rows
 }
 
@@ -211,6 +213,16 @@ fn presence_rows(presence: &Presence) -> Vec<Row> {
             "  of the logistic that fits these answers",
             presence.fitted.as_ref().map(|fitted| fitted.reliability.ece),
         ),
+    ]
+}
+
+fn uncertainty_rows(found: &Uncertainty) -> Vec<Row> {
+    let row = |what, value: f64| plain(what, format!("{value:.3}"));
+    vec![
+        row("pixels of answers about views that are wrong", found.wrong),
+        row("  the least certain tenth", found.wrong_least_certain),
+        row("  the others", found.wrong_rest),
+        row("calibration error of uncertainty", found.calibration_error),
     ]
 }
 

@@ -41,6 +41,7 @@ class Object:
 
     Attributes:
         score: Its relevancy, 0 to 1.
+        confidence: That it is what was asked for, 0 to 1.
         center: Centre of the oriented box.
         size: Sides of the oriented box.
         rotation: 3x3 world_from_box of the oriented box.
@@ -51,6 +52,7 @@ class Object:
     """
 
     score: float
+    confidence: float
     center: Array
     size: Array
     rotation: Array
@@ -63,6 +65,7 @@ class Object:
     def _of(cls, wire: v1.Object) -> Object:
         return cls(
             wire.score,
+            wire.confidence,
             vector_of(wire.center_metres),
             vector_of(wire.size_metres),
             rotation(wire.rotation),
@@ -107,6 +110,8 @@ class Answer:
         coverage: Share of the view or map that has language. If low, absent only means not seen.
         threshold: Relevancy above which something counts as found.
         heatmap: Relevancy of each pixel, (height, width), 0 to 1; None without a view.
+        uncertainty: Probability that a pixel is in the mask and should not be, or the other way round,
+            (height, width), 0 to 1; None without a view.
         mask: Pixels above the threshold, (height, width), bool; None without a view.
         boxes: One for each connected region of the mask, best first.
         peak: The most relevant pixel; None without a view.
@@ -127,6 +132,7 @@ class Answer:
     coverage: float
     threshold: float
     heatmap: Floats | None
+    uncertainty: Floats | None
     mask: npt.NDArray[np.bool_] | None
     boxes: list[Box]
     peak: Peak | None
@@ -150,6 +156,7 @@ class Answer:
             coverage=wire.coverage,
             threshold=wire.threshold,
             heatmap=_heatmap(wire.heatmap) if wire.HasField("heatmap") else None,
+            uncertainty=_heatmap(wire.uncertainty) if wire.HasField("uncertainty") else None,
             mask=_mask(wire.mask) if wire.HasField("mask") else None,
             boxes=[Box(b.x, b.y, b.width, b.height, b.score) for b in wire.boxes],
             peak=_peak(wire.peak) if wire.HasField("peak") else None,

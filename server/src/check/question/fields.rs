@@ -127,13 +127,14 @@ pub(super) fn outputs(names: &[String], has_view: bool) -> Result<Outputs, Refus
     for name in names {
         let (output, needs_view) = match name.as_str() {
             "heatmap" => (&mut outputs.heatmap, true),
+            "uncertainty" => (&mut outputs.uncertainty, true),
             "mask" => (&mut outputs.mask, true),
             "boxes" => (&mut outputs.boxes, true),
             "points" => (&mut outputs.points, false),
             "objects" => (&mut outputs.objects, false),
             other => {
                 let reason = format!(
-                    "expected heatmap, mask, boxes, points or objects, found {:?}",
+                    "expected heatmap, uncertainty, mask, boxes, points or objects, found {:?}",
                     other.chars().take(40).collect::<String>()
                 );
                 return Err(Refusal::new("outputs", reason));

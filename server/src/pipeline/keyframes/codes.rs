@@ -10,7 +10,7 @@ use std::collections::HashMap;
 const MOST_DIFFERENT: usize = 4096;
 
 /// A code for each pixel.
-pub(super) enum Codes {
+pub(in super::super) enum Codes {
     /// `[pixels * 32]`.
     Each(Vec<f16>),
     /// The different codes, `[n * 32]`, and which of them each pixel has.
@@ -47,6 +47,17 @@ impl Codes {
                 of_pixel.iter().flat_map(|index| &code(index)[..GENERIC_SIZE]).copied().collect()
             }
         }
+    }
+
+    /// The code of a pixel.
+    pub fn of(&self, pixel: usize) -> [f32; GENERIC_SIZE] {
+        let row = match self {
+            Self::Each(codes) => &codes[pixel * GENERIC_SIZE..],
+            Self::Few { different, of_pixel } => {
+                &different[usize::from(of_pixel[pixel]) * GENERIC_SIZE..]
+            }
+        };
+        std::array::from_fn(|channel| row[channel].to_f32())
     }
 
     /// Memory, bytes.

@@ -8,6 +8,7 @@ use super::super::encoder::LanguageMap;
 use super::codes::Codes;
 use half::f16;
 use lexsplat_gpu::{Camera, Gpu, GpuError, LanguageTarget};
+use std::sync::Arc;
 
 /// Language codes of one keyframe.
 pub(in super::super) struct KeyframeLanguage {
@@ -16,7 +17,7 @@ pub(in super::super) struct KeyframeLanguage {
     /// `[height * width * 15]`, on the device or not; see [`KeyframeLanguage::refresh_target`].
     pub target: LanguageTarget,
     /// `[height * width * 32]`, row-major. Half precision changes a unit code by less than 0.0005.
-    pub(super) codes: Codes,
+    pub codes: Arc<Codes>,
     /// Version of the online stage that encoded the target.
     pub(super) version: u64,
 }
@@ -30,7 +31,7 @@ impl KeyframeLanguage {
     /// Codes `[height * width * 32]` of a camera of this size.
     pub(super) fn of_codes(camera: Camera, codes: Vec<f16>) -> Self {
         let target = LanguageTarget::absent(camera.width, camera.height);
-        Self { camera, target, codes: Codes::new(codes), version: 0 }
+        Self { camera, target, codes: Arc::new(Codes::new(codes)), version: 0 }
     }
 
     /// Makes the target if it is not on the device or the online stage has advanced since.

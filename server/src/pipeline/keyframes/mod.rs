@@ -15,6 +15,7 @@ mod thumbnail;
 mod visits;
 mod windows;
 
+pub(super) use codes::Codes;
 pub(super) use keyframe::{Keyframe, KeyframeWidths};
 pub(super) use language::KeyframeLanguage;
 pub(super) use state::KeyframeState;

@@ -1,5 +1,6 @@
 //! Tells readers that the map has changed, and copies it for those who want it.
 
+use super::super::evidence::{Evidence, LanguageView};
 use super::super::keyframes::Keyframe;
 use super::super::live_map::LiveMap;
 use super::super::map::Map;
@@ -122,6 +123,7 @@ impl Publisher {
             self.copied = Arc::new(live.gaussians.to_host()?);
             self.copied_revision = Some(live.revision);
         }
+        let views = live.keyframes.iter().filter_map(language_view).collect();
         map.publish(MapSnapshot {
             map: map.name().to_owned(),
             revision: live.revision,
@@ -130,10 +132,20 @@ impl Publisher {
             online: Arc::from(live.online.boxed_clone()),
             trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
             keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
+            evidence: Arc::new(Evidence::new(self.copied.clone(), views)),
             up: self.up,
         });
         Ok(())
     }
+}
+
+fn language_view(keyframe: &Keyframe) -> Option<LanguageView> {
+    let language = keyframe.language.as_ref()?;
+    Some(LanguageView {
+        image: keyframe.training.clone(),
+        camera: language.camera.clone(),
+        codes: language.codes.clone(),
+    })
 }
 
 fn info(keyframe: &Keyframe) -> KeyframeInfo {

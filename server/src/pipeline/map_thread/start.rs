@@ -54,6 +54,7 @@ pub(in super::super) fn spawn(
         online: Arc::from(online.boxed_clone()),
         trajectory: Arc::default(),
         keyframes: Arc::default(),
+        evidence: Arc::default(),
         up: None,
     };
     let (map, messages) = Map::new(name, config.queue_frames, empty);

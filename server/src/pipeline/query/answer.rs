@@ -22,6 +22,8 @@ pub struct Answer {
     pub threshold: f32,
     /// The relevancy of each pixel (2D).
     pub heatmap: Option<Heatmap>,
+    /// The probability that a pixel is in the mask and should not be, or the other way round (2D).
+    pub uncertainty: Option<Heatmap>,
     /// Pixels above the threshold (2D).
     pub mask: Option<Mask>,
     /// Boxes of the mask's connected components, best first (2D).
@@ -49,14 +51,14 @@ pub struct Understood {
     pub others: Vec<String>,
 }
 
-/// Relevancy in 0..1, `[height * width]`, row-major.
+/// A value in 0..1 for each pixel, `[height * width]`, row-major.
 #[derive(Clone, Debug)]
 pub struct Heatmap {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Relevancies.
+    /// Relevancies or uncertainties.
     pub values: Vec<f32>,
 }
 
@@ -111,6 +113,8 @@ pub struct ScoredPoint {
 pub struct Object {
     /// Its relevancy, 0..1.
     pub score: f32,
+    /// Confidence that it is what was asked for, 0..1.
+    pub confidence: f32,
     /// Centre of the oriented box, metres.
     pub center: Point3<f32>,
     /// Sides of the oriented box, metres.
@@ -204,5 +208,14 @@ pub enum RenderedImage {
         height: u32,
         /// Depths.
         metres: Vec<f32>,
+    },
+    /// `[height * width]`: how far the codes of keyframes spread around the map's; 0 without language.
+    Spread {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Spreads.
+        values: Vec<f32>,
     },
 }

@@ -89,6 +89,8 @@ pub enum View {
 pub struct Outputs {
     /// The relevancy of each pixel (2D).
     pub heatmap: bool,
+    /// The probability of each pixel of the mask to be wrong (2D).
+    pub uncertainty: bool,
     /// Pixels above the threshold (2D).
     pub mask: bool,
     /// One box for each connected component of the mask (2D).
@@ -100,15 +102,20 @@ pub struct Outputs {
 }
 
 impl Outputs {
+    /// No parts.
+    pub const NONE: Self = Self {
+        heatmap: false,
+        uncertainty: false,
+        mask: false,
+        boxes: false,
+        points: false,
+        objects: false,
+    };
     /// All parts of a 2D answer.
     pub const VIEW: Self =
-        Self { heatmap: true, mask: true, boxes: true, points: false, objects: false };
+        Self { heatmap: true, uncertainty: true, mask: true, boxes: true, ..Self::NONE };
     /// All parts of a 3D answer.
-    pub const SPACE: Self =
-        Self { heatmap: false, mask: false, boxes: false, points: true, objects: true };
-    /// No parts.
-    pub const NONE: Self =
-        Self { heatmap: false, mask: false, boxes: false, points: false, objects: false };
+    pub const SPACE: Self = Self { points: true, objects: true, ..Self::NONE };
 }
 
 /// Content of a rendered image.
@@ -122,6 +129,8 @@ pub enum Channel {
     Language,
     /// Opacity of the color head.
     Opacity,
+    /// How far the codes of keyframes spread around the map's, as colors from 0 to 1.
+    Spread,
 }
 
 /// An image of the map.

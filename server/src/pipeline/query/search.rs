@@ -26,6 +26,7 @@ pub(super) struct Findings {
     pub confidence: f32,
     pub coverage: f32,
     pub heatmap: Option<Heatmap>,
+    pub uncertainty: Option<Heatmap>,
     pub mask: Option<Mask>,
     pub boxes: Option<Vec<ScoredBox>>,
     pub peak: Option<Peak>,
@@ -44,8 +45,18 @@ impl Findings {
         threshold: f32,
         timing: Timing,
     ) -> Answer {
-        let Self { confidence, coverage, heatmap, mask, boxes, peak, points, objects, reason } =
-            self;
+        let Self {
+            confidence,
+            coverage,
+            heatmap,
+            uncertainty,
+            mask,
+            boxes,
+            peak,
+            points,
+            objects,
+            reason,
+        } = self;
         let present = is_present(confidence);
         Answer {
             revision,
@@ -56,6 +67,7 @@ impl Findings {
             coverage,
             threshold,
             heatmap,
+            uncertainty,
             mask,
             boxes,
             peak,

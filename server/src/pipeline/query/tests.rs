@@ -108,6 +108,7 @@ fn snapshot(map: HostGaussians, stage: Box<dyn OnlineStage>) -> MapSnapshot {
             rgb: Arc::default(),
             has_language: false,
         }]),
+        evidence: Arc::default(),
         up: None,
     }
 }

@@ -46,7 +46,13 @@ impl Finder<'_> {
         let mut at = 0..;
         candidates.objects.retain(|_| at.next().is_some_and(|at| kept.contains(&at)));
         let objects = candidates.objects;
-        Ok((Found { confidence: confidence_of(search, &objects), objects }, reason))
+        Ok((
+            Found {
+                confidence: confidence_of(search, objects.iter().flat_map(|one| &one.members)),
+                objects,
+            },
+            reason,
+        ))
     }
 
     /// What there is of the things that the wanted one is related to.

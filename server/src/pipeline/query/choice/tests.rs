@@ -173,10 +173,17 @@ impl Boxes {
                     head.channels = 3;
                 }
                 let point = ScoredPoint { position, score: 0.9 };
-                members.push(RelevantGaussian { row, point, opacity: 0.95, radius: 0.02 });
+                members.push(RelevantGaussian {
+                    row,
+                    point,
+                    opacity: 0.95,
+                    spread: 0.2,
+                    radius: 0.02,
+                });
             }
             let center = Point3::origin();
             let object = Object {
+                confidence: 0.9,
                 score: 0.9,
                 center,
                 size: Vector3::zeros(),

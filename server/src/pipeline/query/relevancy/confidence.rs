@@ -1,20 +1,33 @@
 //! From relevancies to the confidence that the map contains what was asked for.
 //!
-//! The score of an answer is the k-th largest relevancy, with k the number of pixels of the
-//! smallest component or of Gaussians of the smallest object: fewer are noise. A logistic curve
-//! (Platt scaling) turns it into the confidence 1 / (1 + exp(-s (score - p))). p and s are
-//! `present_threshold` and `confidence_steepness` of the bundle's manifest. If they were fitted
-//! (`lexsplat evaluate --language` prints the fit), the confidence is the probability that the
-//! answer is right; if not, it only orders answers. The threshold of the query has no influence, so
-//! that confidences of different answers are comparable.
+//! A pixel or a Gaussian shows what was asked for with the probability
+//! 1 / (1 + exp(-s (relevancy - p) r / spread)), a logistic curve (Platt scaling) that is the flatter the
+//! further the codes of keyframes spread there. s and p are `confidence_steepness` and `present_threshold`
+//! of the bundle's manifest; they are fitted in rooms with the spread r (`lexsplat evaluate --language`
+//! prints the fit). Without the spread, one curve cannot serve rendered and real rooms: in the latter
+//! relevancies are as large and much less reliable.
+//!
+//! The confidence of an answer is the k-th largest probability, with k the number of pixels of the smallest
+//! component or of Gaussians of the smallest object: fewer are noise. The uncertainty of a pixel is the
+//! probability that its part of the mask is wrong.
+
+use crate::pipeline::evidence::REFERENCE_SPREAD;
 
 /// Steepness of bundles without one: a score 0.1 above the midpoint has a confidence of 0.88.
 const DEFAULT_STEEPNESS: f32 = 20.0;
 
-/// The logistic curve from score to confidence.
+/// A relevancy, 0..1, and the spread of the codes that it was computed from, greater than 0. A relevancy of 0
+/// means "no language".
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Evidenced {
+    pub relevancy: f32,
+    pub spread: f32,
+}
+
+/// The logistic curve from relevancy to probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Calibration {
-    /// The score with a confidence of one half.
+    /// The relevancy with a probability of one half.
     midpoint: f32,
     steepness: f32,
 }
@@ -25,15 +38,30 @@ impl Calibration {
         Self { midpoint, steepness: steepness.unwrap_or(DEFAULT_STEEPNESS) }
     }
 
-    /// Confidence, 0..1, from the `least`-th largest relevancy; 0 if there are fewer. Relevancies
-    /// of 0 mean "no language" and do not count.
-    pub(crate) fn confidence(&self, relevancies: impl Iterator<Item = f32>, least: usize) -> f32 {
-        let mut scores: Vec<f32> = relevancies.filter(|score| *score > 0.0).collect();
-        if scores.len() < least || least == 0 {
+    /// Probability that a place shows what was asked for, 0..1.
+    pub(crate) fn probability(&self, at: Evidenced) -> f32 {
+        let margin = (at.relevancy - self.midpoint) * REFERENCE_SPREAD / at.spread;
+        1.0 / (1.0 + (-self.steepness * margin).exp())
+    }
+
+    /// Confidence, 0..1: the `least`-th largest probability of places with language; 0 if there are fewer.
+    pub(crate) fn confidence(&self, places: impl Iterator<Item = Evidenced>, least: usize) -> f32 {
+        let known = places.filter(|place| place.relevancy > 0.0);
+        let mut probabilities: Vec<f32> = known.map(|place| self.probability(place)).collect();
+        if probabilities.len() < least || least == 0 {
             return 0.0;
         }
-        let (_, score, _) = scores.select_nth_unstable_by(least - 1, |a, b| b.total_cmp(a));
-        1.0 / (1.0 + (self.steepness * (self.midpoint - *score)).exp())
+        *probabilities.select_nth_unstable_by(least - 1, |a, b| b.total_cmp(a)).1
+    }
+
+    /// Probability, 0..1, that a place is on the wrong side of the threshold; 0 without language.
+    pub(crate) fn uncertainty(&self, at: Evidenced, threshold: f32) -> f32 {
+        let probability = self.probability(at);
+        match at.relevancy {
+            0.0 => 0.0,
+            found if found > threshold => 1.0 - probability,
+            _ => probability,
+        }
     }
 }
 
@@ -46,11 +74,15 @@ pub(crate) fn is_present(confidence: f32) -> bool {
 mod tests {
     use super::*;
 
+    fn at(relevancy: f32) -> Evidenced {
+        Evidenced { relevancy, spread: REFERENCE_SPREAD }
+    }
+
     #[test]
     fn confidence_is_one_half_at_the_midpoint_and_grows_with_the_steepness() {
         let calibration = Calibration::new(0.6, None);
         let one =
-            |calibration: Calibration, score: f32| calibration.confidence([score].into_iter(), 1);
+            |calibration: Calibration, score| calibration.confidence([at(score)].into_iter(), 1);
         assert!(is_present(one(calibration, 0.61)) && !is_present(one(calibration, 0.59)));
         assert!((one(calibration, 0.7) - 0.88).abs() < 0.01);
         let steeper = Calibration::new(0.6, Some(100.0));
@@ -62,10 +94,33 @@ mod tests {
     fn few_relevancies_are_noise_and_zeros_do_not_count() {
         let calibration = Calibration::new(0.6, None);
         let scores = [0.2, 0.99, 0.7, 0.1, 0.7, 0.0];
-        let least = |count| calibration.confidence(scores.into_iter(), count);
+        let least = |count| calibration.confidence(scores.map(at).into_iter(), count);
         assert!(least(1) > 0.99);
         assert!((least(3) - 0.88).abs() < 0.01, "three are at least 0.7");
         assert!(!is_present(least(4)) && least(5) > 0.0);
-        assert_eq!((least(6), calibration.confidence([0.0; 9].into_iter(), 2)), (0.0, 0.0));
+        assert_eq!((least(6), calibration.confidence([at(0.0); 9].into_iter(), 2)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn a_wide_spread_draws_probabilities_to_one_half_and_does_not_change_sides() {
+        let calibration = Calibration::new(0.6, None);
+        let probability =
+            |relevancy, spread| calibration.probability(Evidenced { relevancy, spread });
+        let [sure, usual, unsure] = [0.1, 0.2, 0.8].map(|spread| probability(0.7, spread));
+        assert!(sure > usual && usual > unsure && unsure > 0.5, "{sure} {usual} {unsure}");
+        let [sure, unsure] = [0.1, 0.8].map(|spread| probability(0.5, spread));
+        assert!(sure < unsure && unsure < 0.5, "{sure} {unsure}");
+        // By hand: 20 * 0.1 * 0.2 / 0.8 = 0.5.
+        assert!((probability(0.7, 0.8) - 1.0 / (1.0 + (-0.5_f32).exp())).abs() < 1e-6);
+    }
+
+    #[test]
+    fn uncertainty_is_the_probability_of_the_other_side() {
+        let calibration = Calibration::new(0.6, None);
+        let uncertainty = |relevancy| calibration.uncertainty(at(relevancy), 0.5);
+        assert!((uncertainty(0.7) - 0.12).abs() < 0.01, "found, and rather likely there");
+        assert!((uncertainty(0.4) - 0.018).abs() < 0.001, "not found, and unlikely there");
+        assert!(uncertainty(0.55) > 0.5, "found, though more likely not there");
+        assert_eq!(uncertainty(0.0), 0.0);
     }
 }

@@ -5,7 +5,7 @@ mod cosines;
 mod map;
 mod prompts;
 
-pub(super) use confidence::{Calibration, is_present};
+pub(super) use confidence::{Calibration, Evidenced, is_present};
 pub(super) use cosines::to_bf16;
 pub(super) use map::RelevancyMap;
 pub(super) use prompts::{Prompts, Scale};

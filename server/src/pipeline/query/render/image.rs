@@ -1,4 +1,4 @@
-//! Rendered images of a map: color, depth, opacity, and codes as colors.
+//! Rendered images of a map: color, depth, opacity, codes as colors, and their spread.
 
 use super::color::to_byte;
 use super::palette::PaletteCache;
@@ -51,6 +51,10 @@ fn draw(
         Channel::Depth => {
             let metres = depth(&scene.color(snapshot, camera)?, MIN_OPACITY);
             RenderedImage::Depth { width: camera.width, height: camera.height, metres }
+        }
+        Channel::Spread => {
+            let values = scene.spreads(snapshot, camera)?;
+            RenderedImage::Spread { width: camera.width, height: camera.height, values }
         }
         Channel::Language => rgb(language(scene, palettes, snapshot, camera)?),
     })

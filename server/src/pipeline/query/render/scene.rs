@@ -52,12 +52,38 @@ impl Scene {
         camera: &Camera,
         rows: &[u32],
     ) -> Result<Vec<f32>, GpuError> {
+        let mut marks = vec![0.0; snapshot.gaussians.len()];
+        for &row in rows {
+            marks[row as usize] = 1.0;
+        }
+        self.blended(snapshot, camera, &marks)
+    }
+
+    /// For each pixel of a view, the spread of the codes that keyframes have there; 0 where it shows nothing.
+    pub(crate) fn spreads(
+        &mut self,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+    ) -> Result<Vec<f32>, GpuError> {
+        let sightings = snapshot.sightings().iter();
+        let variances: Vec<f32> = sightings.map(|one| one.spread * one.spread).collect();
+        let blended = self.blended(snapshot, camera, &variances)?;
+        Ok(blended.into_iter().map(|variance| variance.max(0.0).sqrt()).collect())
+    }
+
+    /// For each pixel of a view, the mean of a value that each Gaussian has, weighted as language is blended;
+    /// 0 where it shows nothing.
+    pub(crate) fn blended(
+        &mut self,
+        snapshot: &MapSnapshot,
+        camera: &Camera,
+        values: &[f32],
+    ) -> Result<Vec<f32>, GpuError> {
         let mut marked = (*snapshot.gaussians).clone();
         let channels = marked.language.channels;
         marked.language.features.fill(0.0);
-        for &row in rows {
-            marked.language.features[row as usize * channels] = 1.0;
-        }
+        let features = marked.language.features.iter_mut().step_by(channels);
+        features.zip(values).for_each(|(feature, value)| *feature = *value);
         let mut device = Gaussians::for_drawing(&self.gpu, channels);
         device.append(&marked)?;
         let image = self.load(snapshot)?.renderer.render_language(&device, camera)?;

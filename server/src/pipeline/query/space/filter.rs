@@ -38,6 +38,7 @@ mod tests {
         let center = Point3::new(x, 0.0, 0.0);
         Object {
             score,
+            confidence: score,
             center,
             size: Vector3::new(2.0, 1.0, 1.0),
             rotation,

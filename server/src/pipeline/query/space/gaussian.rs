@@ -1,6 +1,8 @@
 //! Gaussians as clustering sees them: balls with a relevancy.
 
 use crate::pipeline::query::answer::ScoredPoint;
+use crate::pipeline::query::relevancy::Evidenced;
+use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::HostGaussians;
 use nalgebra::Point3;
 
@@ -20,16 +22,24 @@ pub(crate) struct RelevantGaussian {
     pub point: ScoredPoint,
     /// Opacity of the language head, 0..1.
     pub opacity: f32,
+    /// Spread of the codes that keyframes have there, greater than 0.
+    pub spread: f32,
     /// Radius of the ball that clustering uses, metres, at least 0.
     pub radius: f32,
 }
 
 impl RelevantGaussian {
     /// Gaussian `row` of a map with its relevancy; `None` if it belongs to no object.
-    pub(super) fn new(gaussians: &HostGaussians, row: u32, score: f32) -> Option<Self> {
-        let (position, opacity) = opaque_centre(gaussians, row)?;
-        let radius = radius(gaussians.language.log_scales[row as usize]);
-        Some(Self { row, point: ScoredPoint { position, score }, opacity, radius })
+    pub(super) fn new(snapshot: &MapSnapshot, row: u32, score: f32) -> Option<Self> {
+        let (position, opacity) = opaque_centre(&snapshot.gaussians, row)?;
+        let radius = radius(snapshot.gaussians.language.log_scales[row as usize]);
+        let spread = snapshot.sightings()[row as usize].spread;
+        Some(Self { row, point: ScoredPoint { position, score }, opacity, spread, radius })
+    }
+
+    /// Its relevancy and spread.
+    pub(super) fn evidenced(&self) -> Evidenced {
+        Evidenced { relevancy: self.point.score, spread: self.spread }
     }
 }
 

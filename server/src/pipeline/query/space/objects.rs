@@ -110,6 +110,7 @@ fn object(members: &[RelevantGaussian]) -> Object {
     let fitted = boxes::fit(&positions);
     Object {
         score: score(members),
+        confidence: 0.0,
         center: fitted.center,
         size: fitted.size,
         rotation: fitted.world_from_box,

@@ -31,8 +31,7 @@ pub(crate) fn find(
 ) -> Result<Found, NetworkError> {
     let Search { snapshot, threshold, config, .. } = *search;
     let mut relevant = opaque_gaussians(search, features, decoder)?;
-    let scores = relevant.iter().map(|gaussian| gaussian.point.score);
-    let confidence = search.calibration.confidence(scores, config.cluster_points);
+    let confidence = confidence_of(search, &relevant);
     let segments = features.segments(snapshot, &relevant);
     relevant.retain(|gaussian| gaussian.point.score > threshold);
     let shares = segments.relevant_shares(&relevant);
@@ -40,18 +39,21 @@ pub(crate) fn find(
         ClusterLimits { eps_metres: config.cluster_metres, min_members: config.cluster_points };
     let limits = ObjectLimits { threshold, score: config.object_score, size: config.object_size };
     let clustered = find_objects(&relevant, &shares, clusters, limits).into_iter();
-    let objects = clustered.map(|ClusteredObject { object, members }| FoundObject {
-        object,
-        members: members.iter().map(|&at| relevant[at]).collect(),
+    let objects = clustered.map(|ClusteredObject { object, members }| {
+        let members: Vec<_> = members.iter().map(|&at| relevant[at]).collect();
+        let confidence = confidence_of(search, &members);
+        FoundObject { object: Object { confidence, ..object }, members }
     });
     Ok(Found { objects: objects.collect(), confidence })
 }
 
-/// The confidence of some of the objects of a kind.
-pub(crate) fn confidence_of(search: &Search<'_>, objects: &[FoundObject]) -> f32 {
-    let members = objects.iter().flat_map(|object| &object.members);
-    let scores = members.map(|gaussian| gaussian.point.score);
-    search.calibration.confidence(scores, search.config.cluster_points)
+/// The confidence that some of the Gaussians show what was asked for.
+pub(crate) fn confidence_of<'a>(
+    search: &Search<'_>,
+    gaussians: impl IntoIterator<Item = &'a RelevantGaussian>,
+) -> f32 {
+    let places = gaussians.into_iter().map(RelevantGaussian::evidenced);
+    search.calibration.confidence(places, search.config.cluster_points)
 }
 
 /// Objects and points of a query.
@@ -91,8 +93,8 @@ fn opaque_gaussians(
     let best = |texts: &[f32]| texts.iter().copied().fold(0.0, f32::max);
     let best = relevancies.chunks_exact(search.prompts.texts()).map(best);
     let scored = features.rows().iter().zip(best);
-    let gaussians = &search.snapshot.gaussians;
-    Ok(scored.filter_map(|(&row, score)| RelevantGaussian::new(gaussians, row, score)).collect())
+    let snapshot = search.snapshot;
+    Ok(scored.filter_map(|(&row, score)| RelevantGaussian::new(snapshot, row, score)).collect())
 }
 
 /// The label of each Gaussian that has language and is opaque enough: the most relevant text above

@@ -136,7 +136,7 @@ mod tests {
             gaussians.color.log_scales.push(log_scales);
             gaussians.color.features.extend(color(column));
             let point = ScoredPoint { position, score: 0.0 };
-            opaque.push(RelevantGaussian { row, point, opacity: 0.9, radius: 0.01 });
+            opaque.push(RelevantGaussian { row, point, opacity: 0.9, spread: 0.2, radius: 0.01 });
         }
         (gaussians, opaque)
     }

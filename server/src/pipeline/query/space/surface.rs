@@ -99,7 +99,13 @@ mod tests {
     }
 
     fn gaussian(row: u32, position: Point3<f32>, score: f32) -> RelevantGaussian {
-        RelevantGaussian { row, point: ScoredPoint { position, score }, opacity: 0.9, radius: 0.0 }
+        RelevantGaussian {
+            row,
+            point: ScoredPoint { position, score },
+            opacity: 0.9,
+            spread: 0.2,
+            radius: 0.0,
+        }
     }
 
     #[test]

@@ -88,7 +88,13 @@ fn objects_on_a_slightly_relevant_surface_are_separate() {
 const CLUSTERING: ClusterLimits = ClusterLimits { eps_metres: 0.08, min_members: 8 };
 
 fn gaussian(position: Point3<f32>, score: f32) -> RelevantGaussian {
-    RelevantGaussian { row: 0, point: ScoredPoint { position, score }, opacity: 0.9, radius: 0.01 }
+    RelevantGaussian {
+        row: 0,
+        point: ScoredPoint { position, score },
+        opacity: 0.9,
+        spread: 0.2,
+        radius: 0.01,
+    }
 }
 
 fn blob(center: Point3<f32>, score: f32, random: &mut ChaCha8Rng) -> Vec<RelevantGaussian> {

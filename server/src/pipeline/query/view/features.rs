@@ -3,6 +3,7 @@
 //! Codes are rendered at about the resolution of the paper's labels: finer ones would add no
 //! detail, and the cost of decoding grows with the number of pixels.
 
+use crate::pipeline::bilinear;
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::query::answer::Timing;
 use crate::pipeline::query::camera;
@@ -32,6 +33,8 @@ pub(crate) struct ViewFeatures {
     pixels: Vec<u32>,
     /// `[pixels, D]`, unit length.
     features: Vec<f32>,
+    /// `[height * width]`, the spread of codes over keyframes, greater than 0.
+    spreads: Vec<f32>,
 }
 
 impl ViewFeatures {
@@ -65,6 +68,13 @@ impl ViewFeatures {
         let is_meant = |pixel: u32| share.is_none_or(|share| share[pixel as usize] > MIN_SHARE);
         let meant = best.zip(&self.pixels);
         self.map(meant.map(|(best, pixel)| if is_meant(*pixel) { best } else { 0.0 }), camera)
+    }
+
+    /// The spread of codes over keyframes at each pixel of the view, `[height * width]`, greater than 0.
+    pub(crate) fn spreads(&self, camera: &Camera) -> Vec<f32> {
+        let (size, view) =
+            ((self.width, self.height), (camera.width as usize, camera.height as usize));
+        bilinear::resized(&self.spreads, size, view)
     }
 
     /// Relevancies of the pixels with language as a map of the size of the view.
@@ -104,9 +114,11 @@ impl ViewFeatureCache {
             return Ok(features.clone());
         }
         let mut stopwatch = Stopwatch::start();
-        let image = scene.language(snapshot, &camera::narrowed(camera, columns))?;
+        let narrowed = camera::narrowed(camera, columns);
+        let image = scene.language(snapshot, &narrowed)?;
+        let spreads = scene.spreads(snapshot, &narrowed)?;
         timing.render = stopwatch.lap();
-        let features = Arc::new(decode(decoder, snapshot, &image)?);
+        let features = Arc::new(decode(decoder, snapshot, &image, spreads)?);
         timing.decode = stopwatch.lap();
         self.last = Some((gaussians, camera.clone(), features.clone()));
         Ok(features)
@@ -118,6 +130,7 @@ fn decode(
     decoder: &mut FeatureDecoder,
     snapshot: &MapSnapshot,
     image: &LanguageImage,
+    spreads: Vec<f32>,
 ) -> Result<ViewFeatures, NetworkError> {
     let channels = snapshot.online.code_size();
     let (mut pixels, mut codes) = (Vec::new(), Vec::new());
@@ -132,5 +145,5 @@ fn decode(
     let mut features = Vec::with_capacity(pixels.len() * decoder.feature_size());
     decoder.decode(&*snapshot.online, &codes, |batch| features.extend_from_slice(batch))?;
     let (width, height) = (image.width as usize, image.height as usize);
-    Ok(ViewFeatures { width, height, pixels, features })
+    Ok(ViewFeatures { width, height, pixels, features, spreads })
 }

@@ -4,11 +4,11 @@ use super::components;
 use super::features::ViewFeatures;
 use crate::pipeline::query::answer::{Heatmap, LabelImage};
 use crate::pipeline::query::labels::{Labels, pixel_labels, shares};
-use crate::pipeline::query::relevancy::{Prompts, RelevancyMap};
+use crate::pipeline::query::relevancy::{Evidenced, Prompts, RelevancyMap};
 use crate::pipeline::query::search::{Findings, Search};
 use lexsplat_gpu::Camera;
 
-/// Heat map, mask, boxes and peak of a query, and its confidence. `share`: the part of each pixel that shows
+/// Heat map, uncertainty, mask, boxes and peak of a query, and its confidence. `share`: the part of each pixel that shows
 /// what is meant, at the size of the features; `None`: all of it is meant.
 pub(crate) fn search(
     search: &Search<'_>,
@@ -21,17 +21,22 @@ pub(crate) fn search(
     let relevancy = features.best_relevancy(search.prompts, camera, share).smoothed(side);
     let least = components::min_pixels(&relevancy);
     let outputs = query.outputs;
+    let places: Vec<Evidenced> = relevancy
+        .values
+        .iter()
+        .zip(features.spreads(camera))
+        .map(|(&relevancy, spread)| Evidenced { relevancy, spread })
+        .collect();
+    let uncertainty = |place: &Evidenced| search.calibration.uncertainty(*place, threshold);
+    let image = |values| Heatmap { width: camera.width, height: camera.height, values };
     Findings {
-        confidence: search.calibration.confidence(relevancy.values.iter().copied(), least),
+        confidence: search.calibration.confidence(places.iter().copied(), least),
         coverage: features.coverage(),
         mask: outputs.mask.then(|| components::mask(&relevancy, threshold)),
         boxes: outputs.boxes.then(|| components::boxes(&relevancy, threshold)),
         peak: components::peak(&relevancy),
-        heatmap: outputs.heatmap.then_some(Heatmap {
-            width: camera.width,
-            height: camera.height,
-            values: relevancy.values,
-        }),
+        uncertainty: outputs.uncertainty.then(|| image(places.iter().map(uncertainty).collect())),
+        heatmap: outputs.heatmap.then(|| image(relevancy.values)),
         ..Findings::default()
     }
 }
