@@ -17,6 +17,8 @@ def test_a_view_is_answered_with_arrays(mapped, room: Room):
     peak = answer.peak
     assert answer.heatmap[int(peak.y), int(peak.x)] == pytest.approx(answer.heatmap.max())
     assert answer.points is None and answer.objects == []
+    assert answer.uncertainty.shape == room.camera.shape
+    assert 0 <= answer.uncertainty.min() < answer.uncertainty.max() <= 1
     # The mask is the heat map above the threshold, in the same order of pixels.
     assert np.array_equal(answer.mask, answer.heatmap > answer.threshold)
     for box in answer.boxes:
@@ -37,9 +39,11 @@ def test_a_camera_anywhere_is_a_view(mapped, room: Room):
 def test_the_whole_map_is_answered_in_metres(mapped):
     answer = mapped.query("chair", threshold=0.3, wait_seconds=120)
     assert answer.heatmap is None and answer.mask is None and answer.boxes == []
+    assert answer.uncertainty is None
     assert answer.points.shape == (len(answer.scores), 3)
     assert len(answer.objects) > 0
     for found in answer.objects:
+        assert 0 < found.confidence < 1
         assert found.distance is None and found.center.shape == found.size.shape == (3,)
         np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-5)
         assert (found.aabb_min <= found.center).all() and (found.center <= found.aabb_max).all()

@@ -43,27 +43,30 @@ pub(crate) struct Sightings {
     pub spread: f32,
 }
 
-/// The evidence of one snapshot.
+/// The evidence of one snapshot's Gaussians.
 #[derive(Default)]
 pub struct Evidence {
-    gaussians: Arc<HostGaussians>,
     views: Vec<LanguageView>,
     sightings: OnceLock<Vec<Sightings>>,
 }
 
 impl Evidence {
-    /// The evidence of `views` for Gaussians.
-    pub(super) fn new(gaussians: Arc<HostGaussians>, views: Vec<LanguageView>) -> Self {
-        Self { gaussians, views, sightings: OnceLock::new() }
+    pub(super) fn new(views: Vec<LanguageView>) -> Self {
+        Self { views, sightings: OnceLock::new() }
     }
 
-    /// What the keyframes say of each Gaussian; computed when it is first asked for. `online` decodes the
-    /// Gaussians' codes.
-    pub(super) fn sightings(&self, online: &dyn OnlineStage) -> &[Sightings] {
+    /// What the keyframes say of each of the snapshot's Gaussians; computed when it is first asked for.
+    /// `online` decodes their codes.
+    pub(super) fn sightings(
+        &self,
+        gaussians: &HostGaussians,
+        online: &dyn OnlineStage,
+    ) -> &[Sightings] {
         self.sightings.get_or_init(|| {
-            let codes = online.decode(&self.gaussians.language.features);
-            let rows = self.gaussians.means.par_iter().zip(codes.par_chunks_exact(GENERIC_SIZE));
-            sightings(&rows.map(|(mean, code)| self.of(&(*mean).into(), code)).collect::<Vec<_>>())
+            let codes = online.decode(&gaussians.language.features);
+            let rows = gaussians.means.par_iter().zip(codes.par_chunks_exact(GENERIC_SIZE));
+            let seen = rows.map(|(mean, code)| self.of(&(*mean).into(), code));
+            sightings(&seen.collect::<Vec<_>>())
         })
     }
 
@@ -156,7 +159,7 @@ mod tests {
         let features = means.iter().flat_map(|_| code.clone()).collect();
         let language = HostHead { features, channels: code.len(), ..HostHead::default() };
         let gaussians = HostGaussians { means, language, ..HostGaussians::default() };
-        Evidence::new(Arc::new(gaussians), views).sightings(&*stage).to_vec()
+        Evidence::new(views).sightings(&gaussians, &*stage).to_vec()
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub struct KeyframeInfo {
 impl MapSnapshot {
     /// What the keyframes say of each Gaussian's language; computed when it is first asked for.
     pub(crate) fn sightings(&self) -> &[Sightings] {
-        self.evidence.sightings(&*self.online)
+        self.evidence.sightings(&self.gaussians, &*self.online)
     }
 
     /// A tracked frame, by sequence.

@@ -5,7 +5,7 @@ mod canvas;
 use crate::presence::{Bin, Presence};
 use crate::stages::{Stage, WITH_WAITING};
 use crate::trajectory::{StampedPose, align};
-use crate::uncertainty::{Part, Uncertainty};
+use crate::uncertainty::Uncertainty;
 use crate::views::ViewScore;
 use canvas::Canvas;
 use image::RgbImage;
@@ -27,6 +27,9 @@ const ABOVE: u32 = 40;
 const TRUTH: RGBColor = RGBColor(120, 120, 120);
 const FOUND: RGBColor = RGBColor(200, 60, 40);
 const KEYFRAME: RGBColor = RGBColor(40, 90, 200);
+
+/// Least share on logarithmic axes; smaller ones are drawn there.
+const LEAST_SHARE: f64 = 1e-5;
 
 type Error = DrawingAreaErrorKind<Infallible>;
 type Chart<'a, 'b> = ChartContext<'a, Canvas<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -198,25 +201,33 @@ pub fn reliability(presence: &Presence) -> Option<RgbImage> {
     }))
 }
 
-/// Share of the pixels that are wrong over uncertainty, a dot for each tenth of the pixels. On the grey line
-/// the uncertainties are probabilities.
+/// Share of the pixels that are wrong over uncertainty, a dot for each tenth of the pixels; both axes are
+/// logarithmic. On the grey line the uncertainties are probabilities.
 pub fn uncertainty(found: &Uncertainty) -> RgbImage {
     let title = format!(
-        "uncertainty and errors of pixels: least certain tenth {:.3} wrong, others {:.3}",
+        "wrong pixels: {:.3} of the least certain tenth, {:.4} of the others",
         found.wrong_least_certain, found.wrong_rest
     );
-    let at = |part: &Part| (part.uncertainty, part.wrong);
-    let most = found.tenths.iter().map(at).fold(0.1, |most: f64, (x, y)| most.max(x).max(y));
-    let range = || -0.05 * most..1.05 * most;
+    let decades = |share: f64| share.max(LEAST_SHARE).log10();
+    let range = || LEAST_SHARE.log10() - 0.2..0.2;
+    let points =
+        || found.tenths.iter().map(|part| (decades(part.uncertainty), decades(part.wrong)));
     drawn(&title, range(), range(), |chart| {
+        let share = |decades: &f64| {
+            format!("{:.5}", 10_f64.powf(*decades)).trim_end_matches('0').to_owned()
+        };
         let mut mesh = chart.configure_mesh();
         mesh.label_style(FONT)
             .light_line_style(WHITE)
+            .x_labels(6)
+            .y_labels(6)
+            .x_label_formatter(&share)
+            .y_label_formatter(&share)
             .x_desc("uncertainty")
             .y_desc("share wrong")
             .draw()?;
-        chart.draw_series(LineSeries::new([(0.0, 0.0), (most, most)], TRUTH.stroke_width(2)))?;
-        let points = || found.tenths.iter().map(at);
+        let ends = [LEAST_SHARE.log10(), 0.0].map(|end| (end, end));
+        chart.draw_series(LineSeries::new(ends, TRUTH.stroke_width(2)))?;
         chart.draw_series(LineSeries::new(points(), FOUND.stroke_width(2)))?;
         chart.draw_series(points().map(|at| Circle::new(at, 6, FOUND.filled())))?;
         Ok(())
@@ -251,6 +262,7 @@ fn drawn(
 mod tests {
     use super::*;
     use crate::presence::Judgement;
+    use crate::uncertainty::Part;
     use nalgebra::Isometry3;
 
     fn count(picture: &RgbImage, RGBColor(r, g, b): RGBColor) -> usize {

@@ -132,7 +132,7 @@ impl Publisher {
             online: Arc::from(live.online.boxed_clone()),
             trajectory: Arc::new(live.trajectory.frames(&live.keyframes)),
             keyframes: Arc::new(live.keyframes.iter().map(info).collect()),
-            evidence: Arc::new(Evidence::new(self.copied.clone(), views)),
+            evidence: Arc::new(Evidence::new(views)),
             up: self.up,
         });
         Ok(())

@@ -417,7 +417,7 @@ class Bounds(_message.Message):
     def __init__(self, min_metres: _Optional[_Union[Vector3, _Mapping]] = ..., max_metres: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class QueryResponse(_message.Message):
-    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged", "left_out", "understood", "reason")
+    __slots__ = ("query_id", "text", "map", "revision", "present", "confidence", "coverage", "threshold", "heatmap", "mask", "boxes", "peak", "points", "objects", "timing", "segmentation", "through", "settled", "converged", "left_out", "understood", "reason", "uncertainty")
     QUERY_ID_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     MAP_FIELD_NUMBER: _ClassVar[int]
@@ -440,6 +440,7 @@ class QueryResponse(_message.Message):
     LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
     UNDERSTOOD_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
+    UNCERTAINTY_FIELD_NUMBER: _ClassVar[int]
     query_id: str
     text: str
     map: str
@@ -462,7 +463,8 @@ class QueryResponse(_message.Message):
     left_out: _containers.RepeatedScalarFieldContainer[str]
     understood: Understood
     reason: str
-    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ..., left_out: _Optional[_Iterable[str]] = ..., understood: _Optional[_Union[Understood, _Mapping]] = ..., reason: _Optional[str] = ...) -> None: ...
+    uncertainty: Heatmap
+    def __init__(self, query_id: _Optional[str] = ..., text: _Optional[str] = ..., map: _Optional[str] = ..., revision: _Optional[int] = ..., present: bool = ..., confidence: _Optional[float] = ..., coverage: _Optional[float] = ..., threshold: _Optional[float] = ..., heatmap: _Optional[_Union[Heatmap, _Mapping]] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ..., boxes: _Optional[_Iterable[_Union[Box, _Mapping]]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ..., points: _Optional[_Union[PointSet, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[Object, _Mapping]]] = ..., timing: _Optional[_Union[Timing, _Mapping]] = ..., segmentation: _Optional[_Union[Segmentation, _Mapping]] = ..., through: _Optional[int] = ..., settled: bool = ..., converged: bool = ..., left_out: _Optional[_Iterable[str]] = ..., understood: _Optional[_Union[Understood, _Mapping]] = ..., reason: _Optional[str] = ..., uncertainty: _Optional[_Union[Heatmap, _Mapping]] = ...) -> None: ...
 
 class Understood(_message.Message):
     __slots__ = ("object", "attributes", "relation", "others")
@@ -573,7 +575,7 @@ class PointSet(_message.Message):
     def __init__(self, count: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Object(_message.Message):
-    __slots__ = ("score", "center_metres", "size_metres", "rotation", "aabb_min_metres", "aabb_max_metres", "points", "distance_metres")
+    __slots__ = ("score", "center_metres", "size_metres", "rotation", "aabb_min_metres", "aabb_max_metres", "points", "distance_metres", "confidence")
     SCORE_FIELD_NUMBER: _ClassVar[int]
     CENTER_METRES_FIELD_NUMBER: _ClassVar[int]
     SIZE_METRES_FIELD_NUMBER: _ClassVar[int]
@@ -582,6 +584,7 @@ class Object(_message.Message):
     AABB_MAX_METRES_FIELD_NUMBER: _ClassVar[int]
     POINTS_FIELD_NUMBER: _ClassVar[int]
     DISTANCE_METRES_FIELD_NUMBER: _ClassVar[int]
+    CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
     score: float
     center_metres: Vector3
     size_metres: Vector3
@@ -590,7 +593,8 @@ class Object(_message.Message):
     aabb_max_metres: Vector3
     points: int
     distance_metres: float
-    def __init__(self, score: _Optional[float] = ..., center_metres: _Optional[_Union[Vector3, _Mapping]] = ..., size_metres: _Optional[_Union[Vector3, _Mapping]] = ..., rotation: _Optional[_Union[Quaternion, _Mapping]] = ..., aabb_min_metres: _Optional[_Union[Vector3, _Mapping]] = ..., aabb_max_metres: _Optional[_Union[Vector3, _Mapping]] = ..., points: _Optional[int] = ..., distance_metres: _Optional[float] = ...) -> None: ...
+    confidence: float
+    def __init__(self, score: _Optional[float] = ..., center_metres: _Optional[_Union[Vector3, _Mapping]] = ..., size_metres: _Optional[_Union[Vector3, _Mapping]] = ..., rotation: _Optional[_Union[Quaternion, _Mapping]] = ..., aabb_min_metres: _Optional[_Union[Vector3, _Mapping]] = ..., aabb_max_metres: _Optional[_Union[Vector3, _Mapping]] = ..., points: _Optional[int] = ..., distance_metres: _Optional[float] = ..., confidence: _Optional[float] = ...) -> None: ...
 
 class Timing(_message.Message):
     __slots__ = ("text_ms", "render_ms", "decode_ms", "score_ms", "total_ms")

@@ -54,7 +54,7 @@ fn build(
 ) -> Result<Mesh, QueryError> {
     let since = Instant::now();
     let gaussians = Arc::new(backdrop::without(&snapshot.gaussians));
-    let snapshot = &MapSnapshot { gaussians, ..snapshot.clone() };
+    let snapshot = &MapSnapshot { gaussians, evidence: Arc::default(), ..snapshot.clone() };
     let mut scene = Scene::new(gpu);
     let mut tsdf = Tsdf::new(voxel_metres, TSDF_MIB << 20);
     let views = fuse(&mut scene, snapshot, &mut tsdf, &is_wanted)?;

@@ -38,31 +38,34 @@ impl Calibration {
         Self { midpoint, steepness: steepness.unwrap_or(DEFAULT_STEEPNESS) }
     }
 
-    /// Probability that a place shows what was asked for, 0..1.
-    pub(crate) fn probability(&self, at: Evidenced) -> f32 {
-        let margin = (at.relevancy - self.midpoint) * REFERENCE_SPREAD / at.spread;
-        1.0 / (1.0 + (-self.steepness * margin).exp())
+    /// Logit of the probability that a place shows what was asked for.
+    fn logit(&self, at: Evidenced) -> f32 {
+        self.steepness * (at.relevancy - self.midpoint) * REFERENCE_SPREAD / at.spread
     }
 
     /// Confidence, 0..1: the `least`-th largest probability of places with language; 0 if there are fewer.
     pub(crate) fn confidence(&self, places: impl Iterator<Item = Evidenced>, least: usize) -> f32 {
         let known = places.filter(|place| place.relevancy > 0.0);
-        let mut probabilities: Vec<f32> = known.map(|place| self.probability(place)).collect();
-        if probabilities.len() < least || least == 0 {
+        let mut logits: Vec<f32> = known.map(|place| self.logit(place)).collect();
+        if logits.len() < least || least == 0 {
             return 0.0;
         }
-        *probabilities.select_nth_unstable_by(least - 1, |a, b| b.total_cmp(a)).1
+        probability(*logits.select_nth_unstable_by(least - 1, |a, b| b.total_cmp(a)).1)
     }
 
     /// Probability, 0..1, that a place is on the wrong side of the threshold; 0 without language.
     pub(crate) fn uncertainty(&self, at: Evidenced, threshold: f32) -> f32 {
-        let probability = self.probability(at);
+        let probability = probability(self.logit(at));
         match at.relevancy {
             0.0 => 0.0,
             found if found > threshold => 1.0 - probability,
             _ => probability,
         }
     }
+}
+
+fn probability(logit: f32) -> f32 {
+    1.0 / (1.0 + (-logit).exp())
 }
 
 /// Whether a confidence means that the map contains what was asked for.
@@ -104,8 +107,9 @@ mod tests {
     #[test]
     fn a_wide_spread_draws_probabilities_to_one_half_and_does_not_change_sides() {
         let calibration = Calibration::new(0.6, None);
-        let probability =
-            |relevancy, spread| calibration.probability(Evidenced { relevancy, spread });
+        let probability = |relevancy, spread| {
+            super::probability(calibration.logit(Evidenced { relevancy, spread }))
+        };
         let [sure, usual, unsure] = [0.1, 0.2, 0.8].map(|spread| probability(0.7, spread));
         assert!(sure > usual && usual > unsure && unsure > 0.5, "{sure} {usual} {unsure}");
         let [sure, unsure] = [0.1, 0.8].map(|spread| probability(0.5, spread));

@@ -4,6 +4,7 @@
 //! detail, and the cost of decoding grows with the number of pixels.
 
 use crate::pipeline::bilinear;
+use crate::pipeline::evidence::REFERENCE_SPREAD;
 use crate::pipeline::network::NetworkError;
 use crate::pipeline::query::answer::Timing;
 use crate::pipeline::query::camera;
@@ -116,7 +117,9 @@ impl ViewFeatureCache {
         let mut stopwatch = Stopwatch::start();
         let narrowed = camera::narrowed(camera, columns);
         let image = scene.language(snapshot, &narrowed)?;
-        let spreads = scene.spreads(snapshot, &narrowed)?;
+        let mut spreads = scene.spreads(snapshot, &narrowed)?;
+        // Smoothing brings relevancy to places that show nothing.
+        spreads.iter_mut().filter(|one| **one == 0.0).for_each(|one| *one = REFERENCE_SPREAD);
         timing.render = stopwatch.lap();
         let features = Arc::new(decode(decoder, snapshot, &image, spreads)?);
         timing.decode = stopwatch.lap();

@@ -8,8 +8,8 @@ use crate::pipeline::query::relevancy::{Evidenced, Prompts, RelevancyMap};
 use crate::pipeline::query::search::{Findings, Search};
 use lexsplat_gpu::Camera;
 
-/// Heat map, uncertainty, mask, boxes and peak of a query, and its confidence. `share`: the part of each pixel that shows
-/// what is meant, at the size of the features; `None`: all of it is meant.
+/// Heat map, uncertainty, mask, boxes and peak of a query, and its confidence. `share`: the part of each pixel
+/// that shows what is meant, at the size of the features; `None`: all of it is meant.
 pub(crate) fn search(
     search: &Search<'_>,
     features: &ViewFeatures,
