@@ -11,24 +11,41 @@ fn share(is: bool) -> f64 {
 /// Means of scores; zeros if there are none.
 fn label_means(scores: &[&LabelScore]) -> LabelMeans {
     let in_box = scores.iter().map(|score| share(score.peak_in_box));
-    let masks: Vec<&MaskScore> = scores.iter().filter_map(|score| score.on_mask.as_ref()).collect();
-    let of = |value: fn(&MaskScore) -> f64| {
-        mean(masks.iter().map(|score| value(score))).unwrap_or_default()
-    };
     LabelMeans {
         loc_box: mean(in_box).unwrap_or_default(),
         loc_synonyms: mean(scores.iter().filter_map(|score| score.synonyms_in_box)),
-        masks: (!masks.is_empty()).then(|| MaskMeans {
-            share: of(|score| score.share),
-            miou_paper: of(|score| score.iou_paper),
-            miou_unscaled: of(|score| score.iou_unscaled),
-            miou_bundle: of(|score| score.iou_bundle),
-            miou_released: of(|score| score.iou_released),
-            miou_argmax: of(|score| score.iou_argmax),
-            loc_mask: of(|score| share(score.peak_on_mask)),
-            average_precision: of(|score| score.average_precision),
-        }),
+        masks: mask_means(scores.iter().filter_map(|score| score.on_mask).map(single)),
     }
+}
+
+/// The means of one score.
+fn single(score: MaskScore) -> MaskMeans {
+    MaskMeans {
+        share: score.share,
+        miou_paper: score.iou_paper,
+        miou_unscaled: score.iou_unscaled,
+        miou_bundle: score.iou_bundle,
+        miou_released: score.iou_released,
+        miou_argmax: score.iou_argmax,
+        loc_mask: share(score.peak_on_mask),
+        average_precision: score.average_precision,
+    }
+}
+
+/// The mean of means, field by field; `None` if there are none.
+fn mask_means(masks: impl Iterator<Item = MaskMeans>) -> Option<MaskMeans> {
+    let masks: Vec<MaskMeans> = masks.collect();
+    let of = |value: fn(&MaskMeans) -> f64| mean(masks.iter().map(value));
+    Some(MaskMeans {
+        share: of(|one| one.share)?,
+        miou_paper: of(|one| one.miou_paper)?,
+        miou_unscaled: of(|one| one.miou_unscaled)?,
+        miou_bundle: of(|one| one.miou_bundle)?,
+        miou_released: of(|one| one.miou_released)?,
+        miou_argmax: of(|one| one.miou_argmax)?,
+        loc_mask: of(|one| one.loc_mask)?,
+        average_precision: of(|one| one.average_precision)?,
+    })
 }
 
 /// The means of a label; `None` if no frame shows it.
@@ -48,21 +65,10 @@ pub(super) fn scene(scores: &[LabelScore]) -> LabelMeans {
         .chunk_by(|a, b| a.sequence == b.sequence)
         .map(|frame| label_means(&frame.iter().collect::<Vec<_>>()))
         .collect();
-    let masks: Vec<MaskMeans> = frames.iter().filter_map(|frame| frame.masks).collect();
-    let of = |value: fn(&MaskMeans) -> f64| mean(masks.iter().map(value)).unwrap_or_default();
     LabelMeans {
         loc_box: mean(frames.iter().map(|frame| frame.loc_box)).unwrap_or_default(),
         loc_synonyms: mean(frames.iter().filter_map(|frame| frame.loc_synonyms)),
-        masks: (!masks.is_empty()).then(|| MaskMeans {
-            share: of(|frame| frame.share),
-            miou_paper: of(|frame| frame.miou_paper),
-            miou_unscaled: of(|frame| frame.miou_unscaled),
-            miou_bundle: of(|frame| frame.miou_bundle),
-            miou_released: of(|frame| frame.miou_released),
-            miou_argmax: of(|frame| frame.miou_argmax),
-            loc_mask: of(|frame| frame.loc_mask),
-            average_precision: of(|frame| frame.average_precision),
-        }),
+        masks: mask_means(frames.iter().filter_map(|frame| frame.masks)),
     }
 }
 
