@@ -41,6 +41,17 @@ fn example_language(scene: LabelMeans) -> Language {
     }
 }
 
+fn example_uncertainty() -> Uncertainty {
+    Uncertainty {
+        pixels: 76_800,
+        wrong: 0.05,
+        wrong_least_certain: 0.31,
+        wrong_rest: 0.021,
+        calibration_error: 0.012,
+        tenths: vec![Part { uncertainty: 0.3, wrong: 0.31 }],
+    }
+}
+
 fn example_presence() -> Presence {
     Presence::of(
         vec![Judgement {
@@ -144,14 +155,7 @@ pub fn example_report() -> Report {
         language: Some(example_language(scene)),
         space: Some(example_space()),
         presence: Some(example_presence()),
-        uncertainty: Some(Uncertainty {
-            pixels: 76_800,
-            wrong: 0.05,
-            wrong_least_certain: 0.31,
-            wrong_rest: 0.021,
-            calibration_error: 0.012,
-            tenths: vec![Part { uncertainty: 0.3, wrong: 0.31 }],
-        }),
+        uncertainty: Some(example_uncertainty()),
         stages,
         config: Some("[mapper]\nmax_gaussians = 200000\n".into()),
         paper: PAPER,
