@@ -110,7 +110,7 @@ class Answer:
         coverage: Share of the view or map that has language. If low, absent only means not seen.
         threshold: Relevancy above which something counts as found.
         heatmap: Relevancy of each pixel, (height, width), 0 to 1; None without a view.
-        uncertainty: Probability that a pixel is in the mask and should not be, or the other way round,
+        uncertainty: Probability that a pixel is in the mask and should not be, or vice versa,
             (height, width), 0 to 1; None without a view.
         mask: Pixels above the threshold, (height, width), bool; None without a view.
         boxes: One for each connected region of the mask, best first.
