@@ -99,6 +99,7 @@ const ROUTES: [(&str, &str, Option<Scope>); 20] = [
     ("GET", "/v1/maps/kitchen", Some(Scope::Read)),
     ("POST", "/v1/maps/kitchen/query", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/queries/x/heatmap", Some(Scope::Read)),
+    ("GET", "/v1/maps/kitchen/queries/x/uncertainty", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/queries/x/points", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/queries/x/labels", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/frames", Some(Scope::Read)),

@@ -2,8 +2,8 @@
 
 Learns from pixel features of labelled frames and from text embeddings of a whole vocabulary, alone
 and blended in pairs, so that nouns which no frame shows keep their direction. Every tenth noun is
-held out for the report. Writes compress.onnx, decompress.onnx and pixels.npy: the pixel features,
-which later runs use again. The seed is fixed.
+held out for the report. Writes compress.onnx, decompress.onnx and pixels.npz: the pixel features
+and the words of the frames, which later runs use again. The seed is fixed.
 """
 
 import time
@@ -136,15 +136,17 @@ def main(arguments=None):
     started = time.time()
     args.out.mkdir(parents=True, exist_ok=True)
     words = Words()
-    file = args.out / "pixels.npy"
+    file = args.out / "pixels.npz"
     if not file.exists():
-        np.save(file, collect(Encoders(args.encoders), args, words).half().numpy())
-    pixels = torch.from_numpy(np.load(file)).float()
+        pixels = collect(Encoders(args.encoders), args, words).half().numpy()
+        np.savez(file, pixels=pixels, words=words.names)
+    with np.load(file) as kept:
+        pixels, names = torch.from_numpy(kept["pixels"]).float(), kept["words"].tolist()
     tower = TextEncoder(args.text, args.out / "texts.npz")
     nouns = sorted(Words(args.vocabulary).known)
     held_out = nouns[::10]
     texts = torch.from_numpy(tower([noun for noun in nouns if noun not in set(held_out)]))
-    frequent = torch.from_numpy(tower([*words.names, *NEGATIVES]))
+    frequent = torch.from_numpy(tower([*names, *NEGATIVES]))
     if args.start:
         networks = compressor.load(args.start)
     else:
