@@ -89,7 +89,7 @@ fn body(path: &str) -> Value {
 }
 
 /// Each route, and the scope that it needs; `None`: everybody may.
-const ROUTES: [(&str, &str, Option<Scope>); 20] = [
+const ROUTES: [(&str, &str, Option<Scope>); 21] = [
     ("GET", "/", None),
     ("GET", "/dashboard/app.js", None),
     ("DELETE", "/v1/session", None),
