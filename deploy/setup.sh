@@ -5,7 +5,8 @@
 #
 #   deploy/setup.sh            for the server
 #   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files,
-#                              SwiftShader as a second Vulkan driver where Debian's packages have it
+#                              SwiftShader as a second Vulkan driver and Chromium where Debian's packages
+#                              have them
 #   deploy/setup.sh --lint     only the linters: typos, ruff, mypy and buf
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -16,6 +17,7 @@ TYPOS_VERSION=1.52.0
 RUFF_VERSION=0.17.6
 MYPY_VERSION=2.4.1
 BUF_VERSION=1.75.0
+PLAYWRIGHT_VERSION=1.65.2
 
 say() { printf '%s\n' "$*" >&2; }
 fail() { say "error: $*"; exit 1; }
@@ -158,4 +160,18 @@ if [ "${1:-}" = --tests ] && [ ! -d "$swiftshader" ]; then
     rm -rf "$swiftshader.partial"
     say "SwiftShader cannot be had here, so the tests run on one driver only: $(tail -n 1 <<<"$why")"
   fi
+fi
+
+# A browser for the dashboard. Without it, the test of the dashboard says that it is skipped.
+install_browser() {
+  command -v chromium >/dev/null || {
+    as_root apt-get update -qq &&
+      as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium
+  } && pip_install .deps/browser --only-binary=:all: "playwright==$PLAYWRIGHT_VERSION"
+}
+if [ "${1:-}" = --tests ] && [ ! -d .deps/browser ]; then
+  say "installing Chromium, and what drives it into .deps/browser"
+  mkdir -p .deps
+  why=$(install_browser 2>&1) ||
+    say "no browser can be had here, so the dashboard is not tested: $(tail -n 1 <<<"$why")"
 fi

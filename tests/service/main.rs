@@ -13,6 +13,7 @@ mod captures;
 mod clock;
 mod command_line;
 mod connections;
+mod dashboard;
 mod downloads;
 mod end_to_end;
 mod evaluate;

@@ -1,14 +1,16 @@
 // The dashboard: lists the maps, shows one of them live and asks it questions.
-import { refreshFrames, step } from './keyframes.js';
-import { attempt, show } from './page.js';
-import { ask } from './questions.js';
+import { asked, remember } from './address.js';
+import { choose, follow, refreshFrames, step } from './keyframes.js';
+import { attempt, show, throttled } from './page.js';
+import { ask, forget } from './questions.js';
 import { api, json } from './server.js';
 import { $, state } from './state.js';
 import { drawStatus, refreshStatus } from './status.js';
 import { listenForLogin } from './session.js';
-import { clearAnswer, drawHeat, drawMarks, drawPicture, drawPlanNow } from './view.js';
+import { drawHeat, drawPicture, drawPlanNow } from './view.js';
 
 const LIST_MILLIS = 4000;
+const PICTURE_MILLIS = 3000;
 
 async function listMaps() {
   const { maps } = await json('v1/maps');
@@ -18,7 +20,11 @@ async function listMaps() {
     select.replaceChildren(...names.map((name) => new Option(name, name)));
   }
   $('empty').hidden = names.length > 0;
-  if (!names.includes(state.map)) open(names[0] ?? null);
+  if (!names.includes(state.map)) {
+    const { map } = asked();
+    open(names.includes(map) ? map : names[0] ?? null);
+  }
+  if (state.map && !state.settled) refreshStatus();
   select.value = state.map ?? '';
   // A map that the server was still loading has no events before.
   const loading = maps.find((map) => map.name === state.map)?.state === 'loading';
@@ -26,43 +32,78 @@ async function listMaps() {
   state.loading = loading;
 }
 
+// Shows a map, with the frame and the question of the address if they are of this map.
 function open(name) {
+  const wanted = asked();
+  const isWanted = wanted.map === name;
   state.events?.close();
-  Object.assign(state, { map: name, frames: [], chosen: null, events: null, heat: null, labels: null, objects: [] });
+  forget();
+  Object.assign(state, { map: name, frames: [], chosen: null, events: null, settled: false });
   for (const id of ['strip', 'status']) $(id).replaceChildren();
-  for (const id of ['picture', 'heat', 'plan']) $(id).getContext('2d').clearRect(0, 0, 9999, 9999);
+  for (const id of ['picture', 'plan']) $(id).getContext('2d').clearRect(0, 0, 9999, 9999);
   $('caption').textContent = '';
   $('warnings').hidden = true;
-  drawMarks(null);
   show(null);
+  follow(!isWanted || wanted.frame === null);
+  if (isWanted) {
+    state.chosen = wanted.frame;
+    state.question = $('text').value = wanted.question;
+  }
+  remember();
   if (!name) return;
   const events = new EventSource(api('/events'));
   events.onopen = () => live(true);
   events.onerror = () => live(false);
   events.addEventListener('status', (event) => drawStatus(JSON.parse(event.data)));
-  events.addEventListener('frame', () => refreshStatus());
-  events.addEventListener('input_warning', () => refreshStatus());
-  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); });
+  for (const kind of ['frame', 'input_warning', 'refinement']) events.addEventListener(kind, () => refreshStatus());
+  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); redraw(); });
   state.events = events;
   refreshFrames();
+  if (state.chosen !== null) choose(state.chosen);
 }
+
+// The map has changed: so has its picture.
+const redraw = throttled(async () => { if (!document.hidden) await drawPicture(); }, PICTURE_MILLIS);
 
 function live(on) {
   $('live').textContent = on ? 'live' : 'offline';
   $('live').classList.toggle('on', on);
 }
 
-$('maps').onchange = (event) => open(event.target.value);
+$('maps').onchange = (event) => { history.replaceState(null, '', '#'); open(event.target.value); };
 $('plane').onchange = drawPlanNow;
 $('alpha').oninput = drawHeat;
-$('follow').onchange = () => { if ($('follow').checked) { clearAnswer(); refreshFrames(); } };
+$('follow').onchange = () => {
+  follow($('follow').checked);
+  if (state.follows) { forget(); refreshFrames(); }
+};
 $('ask').onsubmit = (event) => { event.preventDefault(); ask($('text').value); };
 $('channels').onclick = (event) => {
   const channel = event.target.dataset.channel;
   if (!channel) return;
-  state.channel = channel;
-  for (const button of $('channels').children) button.setAttribute('aria-checked', String(button.dataset.channel === channel));
+  show(null);
+  showChannel(channel);
+  remember();
   drawPicture();
+};
+
+function showChannel(channel) {
+  const buttons = [...$('channels').children];
+  const known = buttons.some((button) => button.dataset.channel === channel);
+  state.channel = known ? channel : 'color';
+  for (const button of buttons) button.setAttribute('aria-checked', String(button.dataset.channel === state.channel));
+}
+
+// Another view is another answer.
+document.addEventListener('chosen', () => {
+  remember();
+  if (state.question) ask(state.question);
+});
+// Somebody changed the address.
+window.onhashchange = () => {
+  state.map = null;
+  showChannel(asked().channel);
+  attempt(listMaps);
 };
 document.onkeydown = (event) => {
   const typing = event.target.matches('input, select');
@@ -71,6 +112,7 @@ document.onkeydown = (event) => {
   if (event.key === 'ArrowRight' && !typing) step(1);
 };
 
+showChannel(asked().channel);
 listenForLogin();
 
 let wasDown = false;

@@ -2,7 +2,7 @@
 import { throttled } from './page.js';
 import { api, json } from './server.js';
 import { $, state } from './state.js';
-import { clearAnswer, drawPicture, drawPlanNow } from './view.js';
+import { clearView, drawPicture, drawPlanNow } from './view.js';
 
 const THUMBNAIL_WIDTH = 128;
 const STRIP_LENGTH = 40;
@@ -17,11 +17,15 @@ export const refreshFrames = throttled(async () => {
   drawStrip();
   const newest = frames.at(-1);
   const gone = !frames.some((frame) => frame.sequence === state.chosen);
-  if (newest && (gone || ($('follow').checked && !state.heat && !state.labels))) {
-    if (newest.sequence !== state.chosen) choose(newest.sequence);
-  }
-  drawPlanNow();
+  if (newest && (gone || (state.follows && !state.question)) && newest.sequence !== state.chosen) choose(newest.sequence);
+  else drawPlanNow();
 }, REFRESH_MILLIS);
+
+// Follows the newest keyframe, or stays at the chosen one.
+export function follow(follows) {
+  state.follows = follows;
+  $('follow').checked = follows;
+}
 
 function drawStrip() {
   const strip = $('strip');
@@ -53,17 +57,36 @@ function thumbnail(frame) {
   image.src = api(`/render?frame=${frame.sequence}&channel=color&width=${THUMBNAIL_WIDTH}`);
   label.textContent = frame.sequence;
   button.append(image, label);
-  button.onclick = () => { $('follow').checked = false; choose(frame.sequence); };
+  button.onclick = () => { follow(false); choose(frame.sequence); };
   return button;
 }
 
-function choose(sequence) {
+// Shows a keyframe. The event "chosen" tells that there is another one.
+export function choose(sequence) {
   state.chosen = sequence;
-  clearAnswer();
+  clearView();
   drawStrip();
   showChosen($('strip'));
   drawPicture();
   drawPlanNow();
+  document.dispatchEvent(new Event('chosen'));
+}
+
+// The keyframe that shows a point of the world best: near, and in the middle of the picture.
+export function bestView([x, y, z]) {
+  let best = null;
+  for (const frame of state.frames) {
+    const pose = frame.world_from_camera;
+    const offset = [x - pose[3], y - pose[7], z - pose[11]];
+    const [right, down, ahead] = [0, 1, 2].map((axis) => offset[0] * pose[axis] + offset[1] * pose[4 + axis] + offset[2] * pose[8 + axis]);
+    const { width, height, fx, fy, cx, cy } = frame.camera;
+    const u = ((fx * right) / ahead + cx) / width - 0.5;
+    const v = ((fy * down) / ahead + cy) / height - 0.5;
+    if (ahead <= 0.1 || Math.abs(u) > 0.5 || Math.abs(v) > 0.5) continue;
+    const cost = Math.max(ahead, 1) * (1 + 2 * Math.hypot(u, v));
+    if (best === null || cost < best.cost) best = { cost, frame };
+  }
+  return best?.frame ?? null;
 }
 
 // Scrolls the strip alone: scrollIntoView would scroll the page, too.
@@ -79,5 +102,5 @@ function showChosen(strip) {
 export function step(by) {
   const at = state.frames.findIndex((frame) => frame.sequence === state.chosen);
   const next = state.frames[at + by];
-  if (next) { $('follow').checked = false; choose(next.sequence); }
+  if (next) { follow(false); choose(next.sequence); }
 }

@@ -16,7 +16,8 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Paths and texts of the JavaScript modules.
-const SCRIPTS: [(&str, &str); 10] = [
+const SCRIPTS: [(&str, &str); 11] = [
+    ("/dashboard/address.js", include_str!("address.js")),
     ("/dashboard/app.js", include_str!("app.js")),
     ("/dashboard/keyframes.js", include_str!("keyframes.js")),
     ("/dashboard/page.js", include_str!("page.js")),

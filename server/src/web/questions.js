@@ -1,11 +1,16 @@
 // Questions and their answers.
+import { remember } from './address.js';
+import { bestView, choose, follow } from './keyframes.js';
 import { attempt, element, show } from './page.js';
 import { api, array, call, json, linked } from './server.js';
 import { $, state } from './state.js';
-import { drawHeat, drawMarks, drawPlanNow } from './view.js';
+import { clearView, drawHeat, drawMarks, drawPlanNow } from './view.js';
 
 // If less than this share has been seen, "absent" only means "not seen".
 const UNSEEN_COVERAGE = 0.05;
+
+// What to ask, where no answer is shown.
+const HINT = 'Ask for one thing: “coffee cup”, “something to sit on”. Or compare several: “chair, table, floor”.';
 
 const post = (body) => json(api('/query'), { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
 
@@ -17,11 +22,35 @@ export async function ask(text) {
   const number = ++state.asked;
   const { map } = state;
   const texts = [...new Set(text.split(COMMA).map((word) => word.trim()).filter(Boolean))];
-  if (!map || texts.length === 0) return;
+  if (!map) return;
+  if (texts.length === 0) { forget(); return; }
+  state.question = text;
+  remember();
   $('ask').classList.add('busy');
   show(null);
-  await attempt(() => (texts.length > 1 ? segment(texts, number) : locate(texts[0], number)));
-  if (number === state.asked) $('ask').classList.remove('busy');
+  const answered = await attempt(() => (texts.length > 1 ? segment(texts, number) : locate(texts[0], number)));
+  if (number !== state.asked) return;
+  $('ask').classList.remove('busy');
+  if (!answered) clear();
+}
+
+// Removes the question and its answer.
+export function forget() {
+  state.asked += 1;
+  state.question = '';
+  $('text').value = '';
+  $('ask').classList.remove('busy');
+  clear();
+  remember();
+}
+
+// Removes the answer.
+function clear() {
+  state.objects = [];
+  $('answer').replaceChildren(element('p', HINT, 'quiet'));
+  clearView();
+  drawObjects();
+  drawPlanNow();
 }
 
 async function segment(texts, number) {
@@ -32,7 +61,7 @@ async function segment(texts, number) {
   const labels = view ? await createImageBitmap(await (await call(linked(view.labels.url))).blob()) : null;
   if (number !== state.asked || map !== state.map) return;
   state.objects = [];
-  drawLegend(space, view);
+  drawLegend(space, view, chosen);
   drawObjects();
   drawPlanNow();
   if (chosen === state.chosen) {
@@ -51,7 +80,7 @@ async function locate(text, number) {
   const heat = view?.heatmap ? await array(linked(view.heatmap.url)) : null;
   if (number !== state.asked || map !== state.map) return;
   state.objects = space.objects ?? [];
-  drawAnswer(space, view);
+  drawAnswer(space, view, chosen);
   drawObjects();
   drawPlanNow();
   if (chosen === state.chosen) {
@@ -77,7 +106,24 @@ function understood({ text, understood: { object, attributes = [], relation, oth
   return relation ? `${thing} · ${relation} ${others.join(' and ')}` : thing;
 }
 
-function drawAnswer(space, view) {
+// What the view shows of it.
+function inView(view) {
+  if (!view.present) return `not here (${percent(view.confidence)} sure that it is)`;
+  const regions = `${view.boxes.length} region${view.boxes.length === 1 ? '' : 's'}`;
+  return view.peak ? `${regions}, best ${view.peak.score.toFixed(2)} at ${Math.round(view.peak.x)}, ${Math.round(view.peak.y)}` : regions;
+}
+
+function percent(share) {
+  return `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
+}
+
+// What the answer was computed from, and how long that took.
+function spent(space, view) {
+  const millis = (answer) => `${answer.timing_ms.total.toFixed(0)} ms`;
+  return element('p', `3D ${millis(space)}${view ? ` · view ${millis(view)}` : ''} · revision ${space.revision}${space.settled ? '' : ', not settled yet'}`, 'quiet');
+}
+
+function drawAnswer(space, view, frame) {
   const verdict = element('p', `“${space.text}” `, 'verdict');
   const unseen = !space.present && space.coverage < UNSEEN_COVERAGE;
   if (unseen) verdict.append(element('span', 'may be there: hardly anything has been seen yet', 'quiet'));
@@ -89,18 +135,12 @@ function drawAnswer(space, view) {
   const reason = view ? view.reason : space.reason;
   if (reason) lines.push(element('p', reason));
   lines.push(...meter('confidence', space.confidence), ...meter('seen with language', space.coverage));
-  if (view) {
-    const where = view.present ? `${view.boxes.length} region${view.boxes.length === 1 ? '' : 's'} in this view` : 'not in this view';
-    const peak = view.peak ? `, best ${view.peak.score.toFixed(2)} at ${Math.round(view.peak.x)}, ${Math.round(view.peak.y)}` : '';
-    lines.push(element('p', where + peak));
-  }
-  const spent = (answer) => `${answer.timing_ms.total.toFixed(0)} ms`;
-  lines.push(element('p', `3D ${spent(space)}${view ? ` · view ${spent(view)}` : ''} · revision ${space.revision}`, 'quiet'));
+  if (view) lines.push(element('p', `frame ${frame}: ${inView(view)}`));
+  lines.push(spent(space, view));
   $('answer').replaceChildren(...lines);
 }
 
-function drawLegend(space, view) {
-  const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
+function drawLegend(space, view, frame) {
   const rows = space.legend.map((entry, at) => {
     const row = element('p', '', 'legend');
     const swatch = document.createElement('i');
@@ -109,8 +149,8 @@ function drawLegend(space, view) {
     row.append(swatch, element('b', entry.text), element('span', `${here}${percent(entry.share)} of the map`, 'quiet'));
     return row;
   });
-  const spent = (answer) => `${answer.timing_ms.total.toFixed(0)} ms`;
-  rows.push(element('p', `3D ${spent(space)}${view ? ` · view ${spent(view)}` : ''} · revision ${space.revision}`, 'quiet'));
+  if (view) rows.push(element('p', `shares of frame ${frame} and of the map`, 'quiet'));
+  rows.push(spent(space, view));
   $('answer').replaceChildren(...rows);
 }
 
@@ -120,6 +160,10 @@ function drawObjects() {
     const row = document.createElement('tr');
     const cells = [at + 1, object.score.toFixed(2), `${(100 * object.confidence).toFixed(0)} %`, numbers(object.center_metres), numbers(object.size_metres), object.points];
     row.append(...cells.map((cell) => element('td', cell)));
+    row.tabIndex = 0;
+    row.title = 'show the view that sees it best';
+    row.onclick = () => see(object);
+    row.onkeydown = (event) => { if (event.key === 'Enter') see(object); };
     return row;
   });
   if (rows.length === 0) {
@@ -129,4 +173,11 @@ function drawObjects() {
     rows[0].append(cell);
   }
   $('objects').replaceChildren(...rows);
+}
+
+function see(object) {
+  const frame = bestView(object.center_metres);
+  if (!frame) { show(new Error('no keyframe sees this object')); return; }
+  follow(false);
+  choose(frame.sequence);
 }

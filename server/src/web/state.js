@@ -1,4 +1,4 @@
-// The state of the page: the map, its keyframes, the chosen view and the last answer.
+// The state of the page: the map, its keyframes, the chosen view, the question and its answer.
 
 export const $ = (id) => document.getElementById(id);
 
@@ -6,13 +6,19 @@ export const state = {
   map: null,
   // Whether the server is still loading it.
   loading: false,
+  // Whether the map had done its work when its status was drawn last.
+  settled: false,
   // Keyframes of the map, oldest first.
   frames: [],
   // Sequence number of the keyframe in view.
   chosen: null,
+  // Whether the newest keyframe is chosen as they come.
+  follows: true,
   channel: 'color',
   // EventSource of the map.
   events: null,
+  // The question that is answered, or that is being answered; empty if there is none.
+  question: '',
   // Heat map {shape, values} or label image over the view.
   heat: null,
   labels: null,

@@ -8,6 +8,7 @@ const REFRESH_MILLIS = 1500;
 export const refreshStatus = throttled(async () => { if (state.map) drawStatus(await json(api())); }, REFRESH_MILLIS);
 
 export function drawStatus(status) {
+  state.settled = status.settled;
   const chip = (label, value, kind = '') => {
     const item = document.createElement('li');
     const number = document.createElement('b');

@@ -62,11 +62,11 @@ export function drawHeat() {
   context.putImageData(image, 0, 0);
 }
 
-// Draws the boxes and the peak of an answer; removes them if `view` is null.
+// Draws the boxes and the peak of an answer; removes them if `view` is null or does not show what was asked for.
 export function drawMarks(view) {
   const svg = $('marks');
   svg.replaceChildren();
-  if (!view?.heatmap) return;
+  if (!view?.heatmap || !view.present) return;
   svg.setAttribute('viewBox', `0 0 ${view.heatmap.width} ${view.heatmap.height}`);
   svg.setAttribute('preserveAspectRatio', 'none');
   const add = (name, attributes) => {
@@ -75,15 +75,15 @@ export function drawMarks(view) {
     svg.append(mark);
   };
   (view.boxes ?? []).forEach(({ x, y, width, height }, at) => add('rect', { x, y, width, height, rx: 2, class: at === 0 ? 'first' : '' }));
-  if (view.present && view.peak) add('circle', { cx: view.peak.x, cy: view.peak.y, r: view.heatmap.width / 80 });
+  if (view.peak) add('circle', { cx: view.peak.x, cy: view.peak.y, r: view.heatmap.width / 80 });
 }
 
 export function drawPlanNow() {
   drawPlan($('plan'), state.frames, state.objects, $('plane').value, state.chosen);
 }
 
-// Removes the answer from the view.
-export function clearAnswer() {
+// Removes what was drawn over the view.
+export function clearView() {
   state.heat = null;
   state.labels = null;
   drawHeat();
