@@ -214,7 +214,10 @@ pub fn uncertainty(found: &Uncertainty) -> RgbImage {
         || found.tenths.iter().map(|part| (decades(part.uncertainty), decades(part.wrong)));
     drawn(&title, range(), range(), |chart| {
         let share = |decades: &f64| {
-            format!("{:.5}", 10_f64.powf(*decades)).trim_end_matches('0').to_owned()
+            format!("{:.5}", 10_f64.powf(*decades))
+                .trim_end_matches('0')
+                .trim_end_matches('.')
+                .to_owned()
         };
         let mut mesh = chart.configure_mesh();
         mesh.label_style(FONT)
