@@ -31,7 +31,7 @@ pub struct Answer {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(example = "no window was found"))]
     pub reason: Option<String>,
-    /// Confidence in `present`, 0 to 1.
+    /// How likely it is there, 0 to 1; `present` says whether that is one half or more.
     pub confidence: f32,
     /// Share of the view or map that has language, 0 to 1. If it is low, absent only means not
     /// seen.
@@ -42,7 +42,7 @@ pub struct Answer {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heatmap: Option<HeatmapLink>,
     /// The probability that a pixel is in the mask and should not be, or the other way round; view queries
-    /// only.
+    /// only. 0 where nothing was seen (see `coverage`), and where a color, a size or a place excludes it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<HeatmapLink>,
     /// Pixels above the threshold; view queries only.

@@ -37,6 +37,7 @@ pub enum Channel {
     /// Language codes as colors.
     Language,
     Opacity,
-    /// How far the codes of keyframes spread around the map's, from 0 to 1; float32 as npy.
+    /// How far the codes of keyframes spread around the map's: 0 where they agree and where nothing was seen,
+    /// about 0.2 in clean rooms; dark blue to red from 0 to 1 as PNG, float32 as npy.
     Spread,
 }

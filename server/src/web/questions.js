@@ -127,6 +127,7 @@ function drawAnswer(space, view, frame) {
   const verdict = element('p', `“${space.text}” `, 'verdict');
   const unseen = !space.present && space.coverage < UNSEEN_COVERAGE;
   if (unseen) verdict.append(element('span', 'may be there: hardly anything has been seen yet', 'quiet'));
+  else if (!space.present && view?.present) verdict.append(element('span', 'is in this view', 'yes'));
   else verdict.append(element('span', space.present ? 'is there' : 'is not there', space.present ? 'yes' : 'no'));
   const lines = [verdict];
   const read = understood(space);

@@ -106,12 +106,13 @@ class Answer:
         understood: How the text was understood.
         present: Whether the map shows it.
         reason: Why not, where a color, a size or a place decided that; empty otherwise.
-        confidence: In `present`, 0 to 1.
+        confidence: How likely it is there, 0 to 1; `present` says whether that is one half or more.
         coverage: Share of the view or map that has language. If low, absent only means not seen.
         threshold: Relevancy above which something counts as found.
         heatmap: Relevancy of each pixel, (height, width), 0 to 1; None without a view.
         uncertainty: Probability that a pixel is in the mask and should not be, or vice versa,
-            (height, width), 0 to 1; None without a view.
+            (height, width), 0 to 1; 0 where nothing was seen (see `coverage`) and where a color, a
+            size or a place excludes it; None without a view.
         mask: Pixels above the threshold, (height, width), bool; None without a view.
         boxes: One for each connected region of the mask, best first.
         peak: The most relevant pixel; None without a view.

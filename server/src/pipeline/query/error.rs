@@ -117,6 +117,9 @@ pub enum QueryError {
     /// The thread for a mesh could not be started.
     #[error("cannot start a thread")]
     Thread(#[source] std::io::Error),
+    /// Computing the answer panicked.
+    #[error("computing the answer failed: see the server's log")]
+    Panicked,
     /// The query thread has ended.
     #[error("the server is stopping")]
     Stopped,
@@ -149,6 +152,7 @@ impl QueryError {
             | Self::Network(_)
             | Self::Gpu(_)
             | Self::Thread(_)
+            | Self::Panicked
             | Self::Stopped => None,
         }
     }

@@ -84,7 +84,12 @@ impl<J> FairQueue<J> {
         }
     }
 
-    /// Takes no more jobs.
+    /// Whether it refuses jobs.
+    pub fn is_closed(&self) -> bool {
+        self.state().is_closed
+    }
+
+    /// Takes no more jobs; those that wait are still handed out.
     pub fn close(&self) {
         self.state().is_closed = true;
         self.changed.notify_all();

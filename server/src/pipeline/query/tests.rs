@@ -216,15 +216,30 @@ fn a_map_beyond_the_cache_gives_the_same_answer() {
 #[test]
 fn an_empty_map_has_no_coverage() {
     let room = room(&QueryConfig::default());
-    let mut map = HostGaussians::default();
-    (map.color.channels, map.language.channels) = (3, 15);
-    let empty = Arc::new(snapshot(map, online(&CompressorConfig::default())));
+    let stage = online(&CompressorConfig::default());
+    // As a map is before its first keyframe.
+    let empty = Arc::new(snapshot(HostGaussians::default(), stage));
     for view in [None, Some(View::Frame(7))] {
         let answer = wait(room.thread.ask(&Client::Server, empty.clone(), query("couch", view)))
             .expect("an answer");
         assert!(!answer.present && answer.coverage == 0.0 && answer.confidence == 0.0);
         assert!(answer.objects.is_none_or(|objects| objects.is_empty()));
     }
+    for channel in
+        [Channel::Color, Channel::Depth, Channel::Language, Channel::Opacity, Channel::Spread]
+    {
+        let request = RenderRequest { view: View::Frame(7), channel, size: Some((8, 6)) };
+        wait(room.thread.render(&Client::Server, empty.clone(), request)).expect("it renders");
+    }
+}
+
+#[test]
+fn a_panic_costs_one_answer_and_not_the_thread() {
+    let room = room(&QueryConfig::default());
+    let failed =
+        wait(room.thread.run(&Client::Server, |_| -> Result<(), _> { panic!("on purpose") }));
+    assert!(matches!(failed, Err(QueryError::Panicked)), "{failed:?}");
+    assert!(room.ask(query("sofa", None)).expect("an answer").present);
 }
 
 #[test]

@@ -12,6 +12,7 @@ use crate::pipeline::encoder::Embed;
 use crate::pipeline::network::TextNetworks;
 use crate::pipeline::snapshot::MapSnapshot;
 use lexsplat_gpu::Gpu;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -38,10 +39,12 @@ impl QueryThread {
         let jobs = queue.clone();
         let mut worker = Worker::new(gpu, networks, config.clone());
         let thread = std::thread::Builder::new().name("query".into()).spawn(move || {
-            // Also when it panics: nobody would answer.
             let _closed = CloseOnDrop(jobs.clone());
             while let Some(job) = jobs.pop() {
-                job(&mut worker);
+                // Whoever asked is told; what the worker caches is taken out while it is changed.
+                if catch_unwind(AssertUnwindSafe(|| job(&mut worker))).is_err() {
+                    tracing::error!("answering a question panicked");
+                }
             }
         })?;
         Ok(Self { queue, thread: Some(thread) })
@@ -118,14 +121,18 @@ impl QueryThread {
     }
 
     /// Runs `work` on the thread.
-    async fn run<T: Send + 'static>(
+    pub(super) async fn run<T: Send + 'static>(
         &self,
         client: &Client,
         work: impl FnOnce(&mut Worker) -> Result<T, QueryError> + Send + 'static,
     ) -> Result<T, QueryError> {
         let (job, result) = job(work);
         push(&self.queue, client, job)?;
-        result.await.map_err(|_| QueryError::Stopped)?
+        let lost = |_| match self.queue.is_closed() {
+            true => QueryError::Stopped,
+            false => QueryError::Panicked,
+        };
+        result.await.map_err(lost)?
     }
 }
 

@@ -79,6 +79,10 @@ impl Scene {
         camera: &Camera,
         values: &[f32],
     ) -> Result<Vec<f32>, GpuError> {
+        // The arrays of an empty map have no channels.
+        if snapshot.gaussians.is_empty() {
+            return Ok(vec![0.0; (camera.width * camera.height) as usize]);
+        }
         let mut marked = (*snapshot.gaussians).clone();
         let channels = marked.language.channels;
         marked.language.features.fill(0.0);

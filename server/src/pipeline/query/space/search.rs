@@ -41,7 +41,10 @@ pub(crate) fn find(
     let clustered = find_objects(&relevant, &shares, clusters, limits).into_iter();
     let objects = clustered.map(|ClusteredObject { object, members }| {
         let members: Vec<_> = members.iter().map(|&at| relevant[at]).collect();
-        let confidence = confidence_of(search, &members);
+        // By its best quarter, as its score is; no object is surer than the answer.
+        let least = members.len().div_ceil(4).min(config.cluster_points);
+        let places = members.iter().map(RelevantGaussian::evidenced);
+        let confidence = search.calibration.confidence(places, least).min(confidence);
         FoundObject { object: Object { confidence, ..object }, members }
     });
     Ok(Found { objects: objects.collect(), confidence })
