@@ -150,7 +150,6 @@ pub(crate) struct Measured<'a> {
 impl Report {
     pub(crate) fn new(measured: Measured<'_>) -> Self {
         let Measured { dataset, summary, status, health, settle_seconds, views, .. } = measured;
-        let camera = dataset.intrinsics();
         let held_out = ViewMeans::of(views.iter().filter(|view| !view.keyframe));
         let keyframe_views = ViewMeans::of(views.iter().filter(|view| view.keyframe));
         let Words { language, space, presence, uncertainty } = words(measured.words);
@@ -159,7 +158,7 @@ impl Report {
         Self {
             dataset: dataset.name().to_owned(),
             simulated: dataset.simulated(),
-            frame_size: [camera.width, camera.height],
+            frame_size: frame_size(dataset),
             encoder: encoder_name(measured.options.encoder),
             hold_out_every: measured.options.hold_out_every.map(NonZeroUsize::get),
             poses: poses_name(measured.options.poses),
@@ -225,6 +224,11 @@ fn words(scores: Option<LanguageScores>) -> Words {
         return Words::default();
     };
     Words { language: Some(language), space, presence: Some(presence), uncertainty }
+}
+
+fn frame_size(dataset: &dyn Dataset) -> [u32; 2] {
+    let camera = dataset.intrinsics();
+    [camera.width, camera.height]
 }
 
 fn encoder_name(encoder: Encoder) -> &'static str {
