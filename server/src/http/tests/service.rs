@@ -99,8 +99,8 @@ async fn the_server_describes_itself() {
             }
         }
     }
-    for file in ["style.css", "app.js", "plan.js", "view.js"] {
+    for file in ["style.css", "app.js", "address.js", "plan.js", "view.js"] {
         assert!(files.contains(file), "{file} is used by the page");
     }
-    assert_eq!(files.len(), 11, "{files:?}");
+    assert_eq!(files.len(), 12, "{files:?}");
 }
