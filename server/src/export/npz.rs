@@ -12,7 +12,7 @@
 //! - `rotation` `[n, 4]`: quaternions (w, x, y, z).
 //! - `views` `[n]`: number of keyframes with language that show the Gaussian.
 //! - `spread` `[n]`: how far their codes are from the map's: sqrt(1 - mean cosine), drawn towards the
-//!   mean of the map where views are few.
+//!   mean of the map, at least 0.2, where views are few.
 
 use super::npy;
 use crate::pipeline::compressor::GENERIC_SIZE;

@@ -46,13 +46,9 @@ impl Finder<'_> {
         let mut at = 0..;
         candidates.objects.retain(|_| at.next().is_some_and(|at| kept.contains(&at)));
         let objects = candidates.objects;
-        Ok((
-            Found {
-                confidence: confidence_of(search, objects.iter().flat_map(|one| &one.members)),
-                objects,
-            },
-            reason,
-        ))
+        let members = objects.iter().flat_map(|one| &one.members);
+        let confidence = confidence_of(search, members);
+        Ok((Found { confidence, objects }, reason))
     }
 
     /// What there is of the things that the wanted one is related to.
