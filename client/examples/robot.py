@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,6 +87,10 @@ class Client:
             )
 
         self.FrameMessage, self.FrameAck = message("FrameMessage"), message("FrameAck")
+
+    def close(self) -> None:
+        """Ends the connection. Python may hang at its end while a stream is still open."""
+        self.channel.close()
 
     def stream(
         self,
@@ -202,18 +207,19 @@ def main():
     )
     arguments = parser.parse_args()
 
-    client = Client(arguments.server, arguments.token, arguments.ca)
     camera = read_camera(arguments.folder)
     label_texts = read_label_texts(arguments.folder) if arguments.labels else []
     frames = read_frames(arguments.folder, arguments.frames, arguments.labels)
     tracked = keyframes = 0
-    for ack in client.stream(arguments.map, camera, frames, label_texts):
-        tracked += ack.status == STATUS_TRACKED
-        keyframes += ack.keyframe
-        if ack.status == STATUS_REFUSED:
-            print(f"frame {ack.sequence} was refused: {ack.refused_field}: {ack.refused_reason}")
-        for warning in ack.input_warnings:
-            print(f"frame {ack.sequence}: {warning.message}")
+    with closing(Client(arguments.server, arguments.token, arguments.ca)) as client:
+        for ack in client.stream(arguments.map, camera, frames, label_texts):
+            tracked += ack.status == STATUS_TRACKED
+            keyframes += ack.keyframe
+            if ack.status == STATUS_REFUSED:
+                why = f"{ack.refused_field}: {ack.refused_reason}"
+                print(f"frame {ack.sequence} was refused: {why}")
+            for warning in ack.input_warnings:
+                print(f"frame {ack.sequence}: {warning.message}")
     print(f"{tracked} frames tracked, {keyframes} keyframes")
 
 

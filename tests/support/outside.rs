@@ -3,11 +3,15 @@
 use crate::root;
 use std::process::Command;
 
+/// How long a program may take, seconds: one that hangs fails its test instead of holding up all of them.
+const LIMIT_SECONDS: &str = "900";
+
 /// A script, with the packages in these folders of `.deps/`.
 pub fn python(script: &str, packages: &[&str]) -> Command {
     let packages = packages.iter().map(|folder| root().join(".deps").join(folder));
     let path = std::env::join_paths(packages).expect("paths without colons");
-    let mut command = Command::new("python3");
+    let mut command = Command::new("timeout");
+    command.args(["--kill-after", "10", LIMIT_SECONDS, "python3"]);
     command.env("PYTHONPATH", path).arg(root().join(script));
     command
 }

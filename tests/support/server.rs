@@ -67,7 +67,8 @@ impl Server {
     /// Tells the server to stop and waits until it has.
     pub async fn stop(self) {
         self.stop.send(()).expect("the server waits for this");
-        self.serving.await.expect("the server does not panic");
+        let served = tokio::time::timeout(SETTLE, self.serving).await;
+        served.expect("the server stops").expect("the server does not panic");
     }
 
     /// A gRPC client.
