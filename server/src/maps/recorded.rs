@@ -91,7 +91,7 @@ impl RecordedMaps {
         &self.store
     }
 
-    pub(super) fn places(&self) -> &Places {
+    pub(super) fn places(&self) -> &Arc<Places> {
         &self.places
     }
 
@@ -109,11 +109,20 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapError::AlreadyExists`], [`MapError::TooMany`].
     pub(super) fn reserve(&self, name: &str) -> Result<Reserved, MapsError> {
+        let reserved = self.reserve_renamed(name)?;
+        self.expect_place(name)?;
+        Ok(reserved)
+    }
+
+    /// The same for a map that is there already, under another name.
+    ///
+    /// # Errors
+    /// [`MapError::AlreadyExists`].
+    pub(super) fn reserve_renamed(&self, name: &str) -> Result<Reserved, MapsError> {
         let reserved = self.places.reserve(name)?;
         if self.engine.map(name).is_ok() || self.store.has(name) {
             return Err(MapError::AlreadyExists { name: name.to_owned() }.into());
         }
-        self.expect_place(name)?;
         Ok(reserved)
     }
 
@@ -176,6 +185,11 @@ impl RecordedMaps {
 
     pub(super) fn note_saved(&self, name: &str, state: State) {
         self.saved().insert(name.to_owned(), state);
+    }
+
+    /// Forgets what was saved of a map.
+    pub(super) fn note_gone(&self, name: &str) {
+        self.saved().remove(name);
     }
 
     /// Whether the data directory has the map's frames.
@@ -277,7 +291,7 @@ impl RecordedMaps {
             }
         }
         self.places.remove(name);
-        self.saved().remove(name);
+        self.note_gone(name);
         Ok(self.store.forget(name).await?)
     }
 

@@ -130,6 +130,24 @@ impl Store {
         removed.await.expect("removing a folder does not panic")
     }
 
+    /// Renames the folder of a map, as a whole or not at all. No map may have the new name, and nobody may
+    /// send frames to this one.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) async fn rename(&self, map: &str, to: &str) -> Result<(), StoreError> {
+        let Some(directory) = self.directory.clone() else { return Ok(()) };
+        let (map, to) = (map.to_owned(), to.to_owned());
+        let (room, lives) = (self.room.clone(), self.lives.clone());
+        let renamed = tokio::task::spawn_blocking(move || {
+            lives.lock().unwrap_or_else(PoisonError::into_inner).remove(&map);
+            directory.rename(&map, &to)?;
+            room.iter().for_each(|room| room.forget(&map));
+            Ok(())
+        });
+        renamed.await.expect("renaming a folder does not panic")
+    }
+
     /// The names of all maps with a recording, sorted.
     ///
     /// # Errors
