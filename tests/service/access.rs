@@ -89,9 +89,11 @@ fn body(path: &str) -> Value {
 }
 
 /// Each route, and the scope that it needs; `None`: everybody may.
-const ROUTES: [(&str, &str, Option<Scope>); 22] = [
+const ROUTES: [(&str, &str, Option<Scope>); 24] = [
     ("GET", "/", None),
     ("GET", "/dashboard/app.js", None),
+    ("GET", "/docs", None),
+    ("GET", "/docs/", None),
     ("DELETE", "/v1/session", None),
     ("GET", "/metrics", Some(Scope::Read)),
     ("GET", "/v1/maps", Some(Scope::Read)),

@@ -9,7 +9,7 @@ use super::scope::Scope;
 /// What a call asks of its caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Need {
-    /// Nothing: the dashboard's files, and logging in.
+    /// Nothing: the files of pages, and logging in.
     Nothing,
     /// To be known, unless the settings open it to everybody.
     Known(Public),
@@ -24,6 +24,8 @@ pub(crate) enum Need {
 pub(crate) const HTTP: &[(&str, &str, Need)] = &[
     ("GET", "/", Need::Nothing),
     ("GET", "/dashboard/*", Need::Nothing),
+    ("GET", "/docs", Need::Nothing),
+    ("GET", "/docs/*", Need::Nothing),
     ("POST", "/v1/session", Need::Nothing),
     ("DELETE", "/v1/session", Need::Nothing),
     ("GET", "/healthz", Need::Known(Public::Healthz)),

@@ -260,12 +260,18 @@ impl RecordedMaps {
     /// Creates an empty map.
     ///
     /// # Errors
-    /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps.
+    /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps; [`MapsError::Store`] if
+    /// the data directory cannot keep it.
     pub(crate) async fn create(&self, name: &str) -> Result<Arc<Map>, MapsError> {
         self.places.expect_loaded(name)?;
         self.expect_place_for_new(name)?;
-        let name = name.to_owned();
-        self.blocking(move |engine| engine.create(&name)).await
+        let new = name.to_owned();
+        let map = self.blocking(move |engine| engine.create(&new)).await?;
+        if let Err(error) = self.store.keep(name).await {
+            self.engine.delete(name).await?;
+            return Err(error.into());
+        }
+        Ok(map)
     }
 
     /// Deletes a map and its recording, to the end even if the caller is gone.

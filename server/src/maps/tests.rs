@@ -94,6 +94,25 @@ async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
 }
 
 #[tokio::test]
+async fn an_empty_map_is_there_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = maps(folder.path());
+    first.create("maps-empty").await.unwrap();
+    rename(&first, "maps-empty", "maps-bare").await.unwrap();
+    load_all(&first, &config().ingest.limits()).await.unwrap();
+    // All tests share the engine.
+    engine().delete("maps-bare").await.unwrap();
+    drop(first);
+    let second = maps(folder.path());
+    load_all(&second, &config().ingest.limits()).await.unwrap();
+    assert_eq!(second.get("maps-bare").unwrap().status().frames_received, 0);
+    assert!(second.get("maps-empty").is_err());
+    assert!(second.warnings().is_empty(), "{:?}", second.warnings());
+    second.delete("maps-bare").await.unwrap();
+    assert!(!folder.path().join("maps-bare.map").exists());
+}
+
+#[tokio::test]
 async fn a_renamed_map_is_the_same_map() {
     let folder = tempfile::tempdir().unwrap();
     let maps = maps(folder.path());

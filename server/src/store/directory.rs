@@ -86,6 +86,17 @@ impl Directory {
         self.path.join(format!("{name}{MAP}"))
     }
 
+    /// Makes the folder of a map, if there is none.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn make(&self, name: &str) -> Result<(), StoreError> {
+        let folder = self.map(name);
+        let made =
+            self.disk.create_folder(&folder).and_then(|()| self.disk.sync_folder(&self.path));
+        made.map_err(|reason| StoreError::io("create", &folder, reason))
+    }
+
     /// Renames the folder of a map; none may have the new name.
     ///
     /// # Errors

@@ -109,6 +109,17 @@ impl Store {
         made.await.expect("making a folder does not panic").map(Some)
     }
 
+    /// Makes the folder of a map without frames, so that the map is there after a restart.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) async fn keep(&self, map: &str) -> Result<(), StoreError> {
+        let Some(directory) = self.directory.clone() else { return Ok(()) };
+        let map = map.to_owned();
+        let made = tokio::task::spawn_blocking(move || directory.make(&map));
+        made.await.expect("making a folder does not panic")
+    }
+
     /// Removes the map's recording, if there is one.
     ///
     /// # Errors

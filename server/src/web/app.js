@@ -4,9 +4,11 @@ import { choose, follow, refreshFrames, step } from './keyframes.js';
 import { attempt, show, throttled } from './page.js';
 import { ask, forget } from './questions.js';
 import { api, json } from './server.js';
+import { listenForManaging } from './manage.js';
 import { $, state } from './state.js';
 import { drawStatus, refreshStatus } from './status.js';
 import { listenForLogin } from './session.js';
+import { clearTimeline, drawTimeline, keyframeAt, refreshTimeline } from './timeline.js';
 import { drawHeat, drawPicture, drawPlanNow } from './view.js';
 
 const LIST_MILLIS = 4000;
@@ -42,6 +44,7 @@ function open(name) {
   for (const id of ['strip', 'status']) $(id).replaceChildren();
   for (const id of ['picture', 'plan']) $(id).getContext('2d').clearRect(0, 0, 9999, 9999);
   $('caption').textContent = '';
+  clearTimeline();
   $('warnings').hidden = true;
   show(null);
   follow(!isWanted || wanted.frame === null);
@@ -56,9 +59,10 @@ function open(name) {
   events.onerror = () => live(false);
   events.addEventListener('status', (event) => drawStatus(JSON.parse(event.data)));
   for (const kind of ['frame', 'input_warning', 'refinement']) events.addEventListener(kind, () => refreshStatus());
-  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); redraw(); });
+  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); refreshTimeline(); redraw(); });
   state.events = events;
   refreshFrames();
+  refreshTimeline();
   if (state.chosen !== null) choose(state.chosen);
 }
 
@@ -77,6 +81,11 @@ $('follow').onchange = () => {
   follow($('follow').checked);
   if (state.follows) { forget(); refreshFrames(); }
 };
+$('timeline').onclick = (event) => {
+  const frame = keyframeAt(event);
+  if (frame) { follow(false); choose(frame.sequence); }
+};
+window.onresize = drawTimeline;
 $('ask').onsubmit = (event) => { event.preventDefault(); ask($('text').value); };
 $('channels').onclick = (event) => {
   const channel = event.target.dataset.channel;
@@ -97,6 +106,7 @@ function showChannel(channel) {
 // Another view is another answer.
 document.addEventListener('chosen', () => {
   remember();
+  drawTimeline();
   if (state.question) ask(state.question);
 });
 // Somebody changed the address.
@@ -114,6 +124,7 @@ document.onkeydown = (event) => {
 
 showChannel(asked().channel);
 listenForLogin();
+listenForManaging(open, listMaps);
 
 let wasDown = false;
 async function poll() {

@@ -2,6 +2,8 @@
 //!
 //! Its files are compiled into the binary and load nothing from other servers.
 
+mod docs;
+
 use axum::Router;
 use axum::http::{HeaderName, header};
 use axum::response::IntoResponse;
@@ -16,10 +18,11 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Paths and texts of the JavaScript modules.
-const SCRIPTS: [(&str, &str); 11] = [
+const SCRIPTS: [(&str, &str); 13] = [
     ("/dashboard/address.js", include_str!("address.js")),
     ("/dashboard/app.js", include_str!("app.js")),
     ("/dashboard/keyframes.js", include_str!("keyframes.js")),
+    ("/dashboard/manage.js", include_str!("manage.js")),
     ("/dashboard/page.js", include_str!("page.js")),
     ("/dashboard/plan.js", include_str!("plan.js")),
     ("/dashboard/questions.js", include_str!("questions.js")),
@@ -27,14 +30,15 @@ const SCRIPTS: [(&str, &str); 11] = [
     ("/dashboard/session.js", include_str!("session.js")),
     ("/dashboard/state.js", include_str!("state.js")),
     ("/dashboard/status.js", include_str!("status.js")),
+    ("/dashboard/timeline.js", include_str!("timeline.js")),
     ("/dashboard/view.js", include_str!("view.js")),
 ];
 
-/// `/` and the files of the page.
+/// `/` and the files of the page, and `/docs`.
 pub(crate) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let page = get(async || file(HTML, include_str!("index.html")));
     let style = get(async || file(CSS, include_str!("style.css")));
-    let router = Router::new().route("/", page).route("/dashboard/style.css", style);
+    let router = docs::router().route("/", page).route("/dashboard/style.css", style);
     SCRIPTS.iter().fold(router, |router, &(path, text)| {
         router.route(path, get(async move || file(JAVASCRIPT, text)))
     })

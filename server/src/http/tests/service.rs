@@ -102,5 +102,5 @@ async fn the_server_describes_itself() {
     for file in ["style.css", "app.js", "address.js", "plan.js", "view.js"] {
         assert!(files.contains(file), "{file} is used by the page");
     }
-    assert_eq!(files.len(), 12, "{files:?}");
+    assert_eq!(files.len(), 14, "{files:?}");
 }
