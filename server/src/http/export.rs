@@ -40,7 +40,7 @@ impl AllOptions {
     get, path = "/v1/maps/{name}/export/{file}", operation_id = "export_map", tag = "maps",
     params(
         ("name" = String, Path),
-        ("file" = String, Path, description = "splats.ply, splats.spz, splats.glb, language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"),
+        ("file" = String, Path, description = "splats.ply, splats.splat, splats.spz, splats.glb, language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"),
         ExportOptions,
         WaitOptions,
     ),

@@ -204,7 +204,7 @@ class AsyncMap:
         wait_seconds: float | None = None,
         min_sequence: int | None = None,
     ) -> Segmentation:
-        """Which of 2 to 32 texts fits each pixel of a view, or each Gaussian of the map, best.
+        """Which of 1 to 32 texts fits each pixel of a view, or each Gaussian of the map, best.
 
         Args:
             texts: The texts.

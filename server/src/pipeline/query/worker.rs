@@ -141,7 +141,7 @@ impl Worker {
     ) -> Result<Segmentation, QueryError> {
         let threshold = checked_threshold(request.threshold, SEGMENTATION_THRESHOLD)?;
         let found = request.texts.len();
-        if !(2..=MAX_TEXTS).contains(&found) {
+        if !(1..=MAX_TEXTS).contains(&found) {
             return Err(QueryError::WrongTextCount { limit: MAX_TEXTS, found });
         }
         let mut timing = Timing::default();
