@@ -38,6 +38,7 @@ mod recordings;
 mod restart;
 mod shutdown;
 mod soak;
+mod space;
 mod tls;
 mod tracking;
 mod up;

@@ -94,20 +94,28 @@ export class Motion {
 
   // Moves while a key or a button is held.
   hold(what, on) {
+    if (!on) this.tick();
     if (on) this.held.add(what);
     else this.held.delete(what);
     if (on) this.glide = null;
     this.run();
   }
 
+  // Moves by what is held, for the time since the last time. A slow picture slows nobody down.
+  tick() {
+    if (this.last === null) return;
+    const now = performance.now();
+    const seconds = Math.min(0.3, (now - this.last) / 1000);
+    this.last = now;
+    if (this.held.size) this.push(seconds * (this.held.has('fast') ? 3 : 1));
+  }
+
   run() {
     if (this.last !== null) return;
     this.last = performance.now();
-    const step = (now) => {
-      const seconds = Math.min(0.1, Math.max(0, (now - this.last) / 1000));
-      this.last = now;
-      if (this.glide) this.slide(now);
-      if (this.held.size) this.push(seconds * (this.held.has('fast') ? 3 : 1));
+    const step = () => {
+      if (this.glide) this.slide(performance.now());
+      this.tick();
       if (this.glide || [...this.held].some((what) => what !== 'fast')) requestAnimationFrame(step);
       else this.last = null;
     };

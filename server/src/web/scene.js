@@ -95,10 +95,10 @@ export class View {
     if (this.of !== all) {
       this.drop();
       this.of = all;
-      if (all.count === 0) { this.ask(); return; }
-      this.begin(all);
+      if (all.count) this.begin(all);
     }
-    this.fill(all, strength);
+    if (all.count) this.fill(all, strength);
+    else this.ask();
   }
 
   begin(all) {

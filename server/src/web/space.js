@@ -100,6 +100,7 @@ document.addEventListener('splats', () => {
   const all = splats();
   view.update(strength());
   $('loading').hidden = all.count > 0;
+  $('loading').textContent = all.map ? 'nothing has been mapped yet' : 'loading the splats …';
   $('counted').textContent = all.count ? `${all.count.toLocaleString('en')}${all.count < all.total ? ` of ${all.total.toLocaleString('en')}` : ''} splats` : '';
   if (all.count === 0 || !up) return;
   if (all.count === all.total || motion.height === null) motion.height = eyeHeight();
@@ -213,6 +214,11 @@ function drawTags() {
   measure.tags.forEach((tag) => put(tag, measure.middle()));
 }
 
+// Pixel of a keyframe's pyramid; null behind the camera.
+export function pixelOf({ world_from_camera: pose }) {
+  return view.project([0, 1, 2].map((row) => pose[row * 4 + 3] + 0.06 * pose[row * 4 + 2]));
+}
+
 // A click measures, or chooses a keyframe.
 function clicked(x, y) {
   if (measure.isOn) {
@@ -223,8 +229,7 @@ function clicked(x, y) {
   }
   let best = null;
   for (const frame of state.frames) {
-    const pose = frame.world_from_camera;
-    const pixel = view.project([0, 1, 2].map((row) => pose[row * 4 + 3] + 0.06 * pose[row * 4 + 2]));
+    const pixel = pixelOf(frame);
     const off = pixel ? Math.hypot(pixel[0] - x, pixel[1] - y) : Infinity;
     if (off < NEAR_PIXELS && (!best || off < best.off)) best = { off, frame };
   }

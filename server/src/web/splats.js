@@ -13,6 +13,7 @@ const FIRST = 2000;
 const PIECE_MILLIS = 60;
 const REFRESH_MILLIS = 2500;
 
+// `map` is null until it is known what the map has.
 const none = { map: null, revision: null, etag: null, limit: 0, count: 0, total: 0, bytes: null, floats: null };
 let shown = none;
 
@@ -39,6 +40,7 @@ async function load(map) {
   if (shown.map === map && shown.limit >= limit) headers['if-none-match'] = shown.etag;
   // 304: they are the same. 416: there are none.
   const response = await call(api('/export/splats.splat'), { headers, expected: [304, 416] });
+  if (response.status === 416) show({ ...none, map });
   if (!response.ok) return;
   await read(response, { ...none, map, limit, etag: response.headers.get('etag'), revision: Number(response.headers.get('lexsplat-revision')) });
   // A slow connection is not kept busy.
