@@ -20,7 +20,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 # Vertical field of view of the 3D view where it is as wide as 4:3, degrees.
 FIELD = 55
-# Shades of the middle of a picture (a blob's address), `share` of its height and as much across, 32 x 24.
+# Shades, 32 x 24, of the middle of a picture: `share` of its height, and as much across.
 SHADES = """async ([source, share]) => {
   const image = new Image();
   image.src = source;
@@ -31,7 +31,8 @@ SHADES = """async ([source, share]) => {
   const context = canvas.getContext('2d');
   context.drawImage(image, (width - wide) / 2, (height - tall) / 2, wide, tall, 0, 0, 32, 24);
   const { data } = context.getImageData(0, 0, 32, 24);
-  return Array.from({ length: 32 * 24 }, (_, at) => data[at * 4] + data[at * 4 + 1] + data[at * 4 + 2]);
+  const shade = (_, at) => data[at * 4] + data[at * 4 + 1] + data[at * 4 + 2];
+  return Array.from({ length: 32 * 24 }, shade);
 }"""
 
 
@@ -90,7 +91,9 @@ def opens(page: Page, address: str) -> None:
     wait(page, "no splats", lambda: splats(page) == 0)
     expect(page.locator("#loading")).to_have_text("nothing has been mapped yet")
     dark = scene(page)
-    assert sum(shade > 60 for shade in dark) < len(dark) / 10, "negative control: a map without splats"
+    assert sum(shade > 60 for shade in dark) < len(dark) / 10, (
+        "negative control: a map without splats"
+    )
     page.select_option("#maps", "room")
     wait(page, "splats", lambda: splats(page) > 0)
 
@@ -101,7 +104,7 @@ def stand(page: Page, sequence: int) -> None:
 
 
 def shows_what_the_server_renders(page: Page) -> None:
-    """From the place of a keyframe, the 3D view is like the server's picture: one frame, the same way up."""
+    """From a keyframe's place, the 3D view is like the server's picture, and the same way up."""
     first, *_, last = frames(page)
     stand(page, first["sequence"])
     page.wait_for_timeout(700)
@@ -112,7 +115,8 @@ def shows_what_the_server_renders(page: Page) -> None:
     here = scene(page, seen / space)
     picture = "v1/maps/room/render?channel=color&width=320&frame={}"
     same, other = (
-        shades(page, get(page, picture.format(frame["sequence"])), seen / own) for frame in (first, last)
+        shades(page, get(page, picture.format(frame["sequence"])), seen / own)
+        for frame in (first, last)
     )
     upside_down = [shade for row in range(23, -1, -1) for shade in same[row * 32 : row * 32 + 32]]
     likenesses = [round(likeness(here, each), 3) for each in (same, other, upside_down)]
@@ -240,7 +244,7 @@ def main() -> None:
     with sync_playwright() as playwright:
         launch = playwright.chromium.launch
         browser = launch(executable_path=chromium, args=["--no-sandbox", *SOFTWARE])
-        page = browser.new_page(viewport={"width": 960, "height": 700})
+        page = browser.new_page(viewport={"width": 920, "height": 600})
         faults: list[str] = []
         page.on("pageerror", lambda error: faults.append(str(error)))
         steps = (

@@ -42,12 +42,12 @@ export function paint(colors, from, to, strength) {
   const all = splats();
   const found = scores && rowsOf(all, to);
   for (let at = from; at < to; at += 1) {
-    const own = [0, 1, 2].map((channel) => all.bytes[at * RECORD + 24 + channel]);
-    const row = found ? found[at] : -1;
-    const [r, g, b, share] = row < 0 ? [0, 0, 0, 0] : colorOf(row, strength);
-    colors[at * 3] = own[0] + share * (r - own[0]);
-    colors[at * 3 + 1] = own[1] + share * (g - own[1]);
-    colors[at * 3 + 2] = own[2] + share * (b - own[2]);
+    const own = at * RECORD + 24;
+    const mixed = found && found[at] >= 0 ? colorOf(found[at], strength) : null;
+    for (let channel = 0; channel < 3; channel += 1) {
+      const value = all.bytes[own + channel];
+      colors[at * 3 + channel] = mixed ? value + mixed[3] * (mixed[channel] - value) : value;
+    }
   }
 }
 

@@ -3,9 +3,9 @@ import { remember } from './address.js';
 import { choose, follow } from './keyframes.js';
 import { Measure } from './measure.js';
 import { Motion, ahead, towards } from './motion.js';
-import { attempt, element, throttled } from './page.js';
+import { attempt, element, show, throttled } from './page.js';
 import { hit } from './pick.js';
-import { openSplats, refreshSplats, splats } from './splats.js';
+import { openSplats, resizeSplats, splats } from './splats.js';
 import { api, call } from './server.js';
 import { $, state } from './state.js';
 import { roomOf } from './room.js';
@@ -39,9 +39,10 @@ const strength = () => Number($('alpha').value);
 export function showSpace(on) {
   $('space').hidden = !on;
   for (const id of ['picture', 'heat', 'marks', 'caption']) $(id).classList.toggle('away', on);
+  resizeSplats();
   if (!on) { endMeasure(); return; }
   begun ??= begin();
-  if (view) { view.resize(); drawAll(); refreshSplats(); document.dispatchEvent(new Event('answered')); }
+  if (view) { view.resize(); drawAll(); document.dispatchEvent(new Event('answered')); }
 }
 
 async function begin() {
@@ -51,7 +52,8 @@ async function begin() {
     edgesOf = edges;
     view = new View(canvas(), drawTags);
   });
-  if (!loaded) return;
+  if (!loaded) { $('loading').textContent = 'The 3D view cannot be shown here: choose another.'; return; }
+  canvas().addEventListener('webglcontextlost', () => show(new Error('the browser gave up the 3D view: load the page again')));
   if (up) view.setUp(up);
   new ResizeObserver(() => view.resize()).observe(canvas());
   motion.listen(canvas(), clicked);
@@ -59,7 +61,6 @@ async function begin() {
   document.dispatchEvent(new Event('splats'));
   document.dispatchEvent(new Event('answered'));
   drawAll();
-  refreshSplats();
 }
 
 // Another map.
@@ -80,7 +81,7 @@ export function turnUpright(direction) {
   up = direction;
   if (!view) return;
   const turn = view.setUp(direction);
-  if (!isPlaced) return;
+  if (!isPlaced) { place(); return; }
   // The camera stays where it was in the map.
   const looks = turn(ahead(motion));
   motion.go({ eye: turn(motion.eye), ...towards(looks) });
@@ -102,22 +103,27 @@ document.addEventListener('splats', () => {
   $('loading').hidden = all.count > 0;
   $('loading').textContent = all.map ? 'nothing has been mapped yet' : 'loading the splats …';
   $('counted').textContent = all.count ? `${all.count.toLocaleString('en')}${all.count < all.total ? ` of ${all.total.toLocaleString('en')}` : ''} splats` : '';
-  if (all.count === 0 || !up) return;
-  if (all.count === all.total || motion.height === null) motion.height = eyeHeight();
-  if (isPlaced) return;
-  isPlaced = true;
-  if (state.camera) motion.go(state.camera);
-  else home(false);
-  showMode();
+  if (all.count && up && all.count === all.total) motion.height = eyeHeight();
+  place();
 });
 document.addEventListener('scores', () => view?.recolor(strength()));
 document.addEventListener('objects', () => drawObjects());
-document.addEventListener('frames', () => drawFrames());
+document.addEventListener('frames', () => { place(); drawFrames(); });
 document.addEventListener('chosen', () => {
   drawFrames();
   if (isPlaced && !state.follows && !$('space').hidden && state.chosen !== null) standAt(state.chosen);
 });
 $('alpha').addEventListener('input', () => { if (!$('space').hidden) view?.recolor(strength()); });
+
+// Puts the camera of a new map where the address says, or at home.
+function place() {
+  if (isPlaced || !view || !up || splats().count === 0 || state.frames.length === 0) return;
+  isPlaced = true;
+  motion.height ??= eyeHeight();
+  if (state.camera) motion.go(state.camera);
+  else home(false);
+  showMode();
+}
 
 // Height of the eye of somebody who stands on the floor, as far as the room has one.
 function eyeHeight() {
@@ -258,7 +264,7 @@ function endMeasure() {
 function showMeasure() {
   $('measure').setAttribute('aria-pressed', String(measure.isOn));
   $('space').classList.toggle('measures', measure.isOn);
-  $('hint').textContent = measure.isOn ? 'click two points · Escape ends' : '';
+  $('hint').textContent = measure.isOn ? 'choose two points · Escape or the button ends' : '';
 }
 
 $('modes').onclick = (event) => {
