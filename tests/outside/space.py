@@ -232,7 +232,8 @@ def walks(page: Page) -> None:
     page.click("[data-mode=walk]")
     expect(page.locator("#pad")).to_be_visible()
     wait(page, "walking in the address", lambda: "camera=walk" in page.url)
-    page.click("[data-mode=orbit]")
+    page.click("#above")
+    wait(page, "the view from above", lambda: "camera=orbit" in page.url and "_-1.05_" in page.url)
     for width, height in ((390, 844), (1280, 800)):
         page.set_viewport_size({"width": width, "height": height})
         wide = page.evaluate("document.documentElement.scrollWidth")

@@ -74,22 +74,4 @@ mod tests {
         }
         assert!(include_str!("renderer/NOTICE").contains("three.js authors"));
     }
-
-    #[test]
-    fn scripts_load_only_files_of_the_page() {
-        let known = |name: &str| FILES.iter().any(|(path, ..)| path.ends_with(&format!("/{name}")));
-        let mut imports = 0;
-        for (path, _, text) in FILES {
-            for import in text.split("from './").chain(text.split("import('./")).skip(1) {
-                let Some((name, _)) = import.split_once('\'') else { continue };
-                if name.ends_with(".js") {
-                    imports += 1;
-                    assert!(known(name) || name == "splat-renderer.js", "{path} imports {name}");
-                }
-            }
-            assert!(!text.contains("https://"), "{path} names another server");
-        }
-        assert!(imports > 40, "{imports}");
-        assert!(!known("other.js"));
-    }
 }

@@ -6,15 +6,16 @@ const FLOATS = RECORD / 4;
 const FAINTEST = 0.02;
 const HALF = 0.5;
 
-// Distance along a ray (unit direction) to where the splats have stopped half of it; null if they never do.
-export function hit({ floats, bytes, count }, [ox, oy, oz], [dx, dy, dz]) {
+// Distance along a ray (unit direction) to where the splats have stopped half of it; null if they never do. Splats
+// for which `isHidden(index)` holds stop nothing.
+export function hit({ floats, bytes, count }, [ox, oy, oz], [dx, dy, dz], isHidden) {
   const passed = [];
   for (let at = 0; at < count; at += 1) {
     const f = at * FLOATS;
     const [x, y, z] = [floats[f] - ox, floats[f + 1] - oy, floats[f + 2] - oz];
     const along = x * dx + y * dy + z * dz;
     const reach = 3 * Math.max(floats[f + 3], floats[f + 4], floats[f + 5]);
-    if (along < 0.05 || x * x + y * y + z * z - along * along > reach * reach) continue;
+    if (along < 0.05 || isHidden(at) || x * x + y * y + z * z - along * along > reach * reach) continue;
     const opacity = bytes[at * RECORD + 27] / 255;
     const { distance, share } = crossing(floats, bytes, at, [x, y, z], [dx, dy, dz]);
     if (opacity * share > FAINTEST && distance > 0) passed.push([distance, opacity * share]);

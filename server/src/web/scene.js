@@ -34,6 +34,9 @@ export class View {
     this.of = null;
     this.mesh = null;
     this.colors = new Uint8Array(0);
+    // Height above the map's origin from which on splats are hidden, along `up`; null: none are.
+    this.cut = null;
+    this.up = [0, 1, 0];
   }
 
   // Draws once, soon.
@@ -72,6 +75,7 @@ export class View {
   // that a small change of up does not turn the map about it. Returns the turn since the last time.
   setUp(direction) {
     const up = new Vector3(...direction).normalize();
+    this.up = up.toArray();
     const size = [up.x, up.y, up.z].map(Math.abs);
     const at = size.indexOf(Math.max(...size));
     const axis = new Vector3().setComponent(at, Math.sign(up.getComponent(at)));
@@ -122,9 +126,27 @@ export class View {
       const f = at * FLOATS;
       const b = at * RECORD + 24;
       const turn = (part) => (bytes[b + part] - 128) / 128;
-      setPackedSplat(packed.packedArray, at, floats[f] - x, floats[f + 1] - y, floats[f + 2] - z, floats[f + 3], floats[f + 4], floats[f + 5], turn(5), turn(6), turn(7), turn(4), bytes[b + 3] / 255, colors[at * 3] / 255, colors[at * 3 + 1] / 255, colors[at * 3 + 2] / 255);
+      setPackedSplat(packed.packedArray, at, floats[f] - x, floats[f + 1] - y, floats[f + 2] - z, floats[f + 3], floats[f + 4], floats[f + 5], turn(5), turn(6), turn(7), turn(4), this.isCut(all, at) ? 0 : bytes[b + 3] / 255, colors[at * 3] / 255, colors[at * 3 + 1] / 255, colors[at * 3 + 2] / 255);
     }
     this.filled = count;
+    this.changed();
+  }
+
+  isCut({ floats }, at) {
+    const f = at * FLOATS;
+    return this.cut !== null && floats[f] * this.up[0] + floats[f + 1] * this.up[1] + floats[f + 2] * this.up[2] > this.cut;
+  }
+
+  // Hides what is higher: who looks from above sees into the rooms.
+  setCut(height) {
+    if (this.cut === height) return;
+    this.cut = height;
+    if (!this.mesh) return;
+    const { packed: { packedArray }, filled } = this;
+    for (let at = 0; at < filled; at += 1) {
+      const opacity = this.isCut(this.of, at) ? 0 : this.of.bytes[at * RECORD + 27];
+      packedArray[at * 4] = (packedArray[at * 4] & 0x00ffffff) | (opacity << 24);
+    }
     this.changed();
   }
 

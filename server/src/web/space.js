@@ -12,6 +12,8 @@ import { roomOf } from './room.js';
 
 const EYE_METRES = 1.6;
 const PATH_MILLIS = 4000;
+// From above the ceiling, rooms are shown up to this share of their height.
+const LOWER_PART = 0.75;
 // How near to a keyframe or an object a click must be, pixels.
 const NEAR_PIXELS = 18;
 const [PATH, FRAME, CHOSEN, OBJECT] = ['#22d3ee', '#22d3ee', '#ffffff', '#f59e0b'];
@@ -28,9 +30,10 @@ let path = [];
 const motion = new Motion(() => {
   if (!view) return;
   view.look(motion);
+  cutAway();
   rememberSoon();
 });
-const measure = new Measure({ draw: (...lines) => view.draw('measure', ...lines), hit: (...ray) => hit(splats(), ...ray) });
+const measure = new Measure({ draw: (...lines) => view.draw('measure', ...lines), hit: (origin, direction) => hitBy(origin, direction) });
 
 const canvas = () => $('scene');
 const strength = () => Number($('alpha').value);
@@ -133,12 +136,21 @@ function eyeHeight() {
   return ceiling - floor > EYE_METRES + 0.2 ? floor + EYE_METRES : middle;
 }
 
+const hitBy = (origin, direction) => hit(splats(), origin, direction, (at) => view.isCut(view.of, at));
+
+// Takes the ceiling away for who is above it.
+function cutAway() {
+  if (!isPlaced || splats().count === 0) return;
+  const { floor, ceiling } = roomOf(splats(), up);
+  view.setCut(motion.eye[1] > ceiling ? floor + LOWER_PART * (ceiling - floor) : null);
+}
+
 // Pose of the camera at a keyframe.
 function poseAt(frame) {
   const pose = frame.world_from_camera;
   const column = (at) => [pose[at], pose[4 + at], pose[8 + at]];
   const [place, direction] = [column(3), column(2)];
-  const distance = hit(splats(), place, direction) ?? 2;
+  const distance = hitBy(place, direction) ?? 2;
   return { eye: view.toUp(place), ...towards(view.toUp(direction)), distance };
 }
 
@@ -161,6 +173,14 @@ function home(smoothly) {
   motion.go({ mode: motion.mode, ...best, eye, distance: best.distance + back }, smoothly);
 }
 
+// The whole map, from above.
+function fromAbove() {
+  const { center, size, ceiling } = roomOf(splats(), up);
+  const pose = { yaw: motion.yaw, pitch: -1.05, distance: 1.1 * size };
+  const eye = view.toUp(center).map((value, at) => value - pose.distance * ahead(pose)[at]);
+  motion.go({ ...pose, mode: 'orbit', eye: [eye[0], Math.max(eye[1], ceiling + 0.1), eye[2]] }, true);
+}
+
 function drawAll() {
   drawFrames();
   drawObjects();
@@ -173,10 +193,17 @@ function drawPath() {
   view.draw('path', pairs, pairs.slice(pairs.length / 2).map(() => PATH), 2);
 }
 
+// Length of a keyframe's pyramid: less where they are near each other.
+function pyramid() {
+  const places = state.frames.map((frame) => [3, 7, 11].map((at) => frame.world_from_camera[at]));
+  const steps = places.slice(1).map((place, at) => Math.hypot(...place.map((value, axis) => value - places[at][axis]))).sort((a, b) => a - b);
+  return Math.min(0.14, Math.max(0.05, 0.5 * (steps[steps.length >> 1] ?? 1)));
+}
+
 // Keyframes as pyramids: the tip is the camera, the base is what it sees.
 function drawFrames() {
   if (!view || $('space').hidden) return;
-  const depth = Math.min(0.14, Math.max(0.05, 0.02 * roomSize()));
+  const depth = pyramid();
   const [points, colors] = [[], []];
   const eye = isPlaced ? view.toMap(motion.eye) : null;
   for (const { world_from_camera: pose, camera: { width, height, fx, fy, cx, cy }, sequence } of state.frames) {
@@ -193,8 +220,6 @@ function drawFrames() {
   }
   view.draw('frames', points, colors, 1.5);
 }
-
-const roomSize = () => (splats().count && up ? roomOf(splats(), up).size : 4);
 
 function drawObjects() {
   if (!view) return;
@@ -274,6 +299,7 @@ $('modes').onclick = (event) => {
   showMode();
 };
 $('home').onclick = () => { if (view) home(true); };
+$('above').onclick = () => { if (isPlaced) { fromAbove(); motion.mode = 'orbit'; showMode(); } };
 $('measure').onclick = () => {
   if (measure.isOn || !view) { endMeasure(); return; }
   measure.begin();
