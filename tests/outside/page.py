@@ -44,7 +44,7 @@ def ask(page: Page, text: str) -> None:
 
 
 def opens(page: Page, address: str) -> None:
-    page.goto(address)
+    page.goto(f"{address}#channel=color")
     page.wait_for_selector("#strip button", timeout=TIMEOUT_MS)
     page.select_option("#maps", "room")
     expect(page.locator("#caption")).to_contain_text("color", timeout=TIMEOUT_MS)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// Chromium as Debian installs it; `None` if there is none, or nothing to drive it with.
-fn chromium() -> Option<PathBuf> {
+pub(crate) fn chromium() -> Option<PathBuf> {
     let playwright = lexsplat_tests::root().join(".deps/browser/playwright");
     let path = std::env::var_os("PATH")?;
     let found = std::env::split_paths(&path).map(|folder| folder.join("chromium"));

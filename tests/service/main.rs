@@ -39,6 +39,7 @@ mod reflection;
 mod restart;
 mod shutdown;
 mod soak;
+mod space;
 mod tls;
 mod tracking;
 mod up;

@@ -16,7 +16,7 @@ pub struct Question {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(example = "coffee cup"))]
     pub text: Option<String>,
-    /// Instead of `text`: 2 to 32 texts. Each pixel, or each Gaussian, is labelled with the text
+    /// Instead of `text`: 1 to 32 texts. Each pixel, or each Gaussian, is labelled with the text
     /// that fits it best.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(example = json!(["chair", "table", "floor"])))]

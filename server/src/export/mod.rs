@@ -4,6 +4,7 @@
 //! Both edges use it; it depends on neither gRPC nor HTTP. Positions are in the map's world,
 //! metres.
 
+mod dot_splat;
 mod glb;
 mod labels;
 mod mesh;
@@ -39,6 +40,8 @@ use upright::{turn, turned};
 pub enum Format {
     /// Gaussians with the property names of splat viewers.
     SplatsPly,
+    /// Gaussians, 32 bytes each, what is most to be seen first.
+    SplatsSplat,
     /// Gaussians, compressed (Niantic's SPZ).
     SplatsSpz,
     /// Gaussians in glTF (`KHR_gaussian_splatting`).
@@ -60,8 +63,8 @@ pub enum Format {
 pub enum ExportError {
     /// The format is unknown.
     #[error(
-        "{found:?} is no export format: expected splats.ply, splats.spz, splats.glb, language.npz, \
-         points.ply, mesh.ply, trajectory.tum or trajectory.json"
+        "{found:?} is no export format: expected splats.ply, splats.splat, splats.spz, splats.glb, \
+         language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"
     )]
     Unknown {
         /// Name in the request.
@@ -99,8 +102,9 @@ pub struct FileOptions {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::SplatsPly,
+        Self::SplatsSplat,
         Self::SplatsSpz,
         Self::SplatsGlb,
         Self::LanguageNpz,
@@ -114,6 +118,7 @@ impl Format {
     pub fn name(self) -> &'static str {
         match self {
             Self::SplatsPly => "splats.ply",
+            Self::SplatsSplat => "splats.splat",
             Self::SplatsSpz => "splats.spz",
             Self::SplatsGlb => "splats.glb",
             Self::LanguageNpz => "language.npz",
@@ -167,6 +172,7 @@ pub async fn file(
     let write: fn(&MapSnapshot, FileUp) -> Result<Vec<u8>, ExportError> = match format {
         Format::MeshPly => return mesh_file(engine, client, snapshot, up, options).await,
         Format::SplatsPly => |map, up| Ok(ply::splats_ply(&turned(map, up).gaussians)),
+        Format::SplatsSplat => |map, up| Ok(dot_splat::splats_splat(&turned(map, up).gaussians)),
         Format::SplatsSpz => |map, up| Ok(spz::splats_spz(&turned(map, up.for_spz()).gaussians)?),
         Format::SplatsGlb => |map, up| Ok(glb::splats_glb(&map.gaussians, &turn(map, up))),
         Format::LanguageNpz => |map, up| Ok(npz::language_npz(&turned(map, up))),

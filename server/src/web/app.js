@@ -1,10 +1,13 @@
 // The dashboard: lists the maps, shows one of them live and asks it questions.
 import { asked, remember } from './address.js';
 import { choose, follow, refreshFrames, step } from './keyframes.js';
+import { has3d } from './channels.js';
 import { attempt, show, throttled } from './page.js';
 import { ask, forget } from './questions.js';
 import { api, json } from './server.js';
 import { listenForManaging } from './manage.js';
+import { openSpace, refreshPath, showSpace } from './space.js';
+import { refreshSplats } from './splats.js';
 import { $, state } from './state.js';
 import { drawStatus, refreshStatus } from './status.js';
 import { listenForLogin } from './session.js';
@@ -13,6 +16,7 @@ import { drawHeat, drawPicture, drawPlanNow } from './view.js';
 
 const LIST_MILLIS = 4000;
 const PICTURE_MILLIS = 3000;
+const PLAN_MILLIS = 500;
 
 async function listMaps() {
   const { maps } = await json('v1/maps');
@@ -52,6 +56,7 @@ function open(name) {
     state.chosen = wanted.frame;
     state.question = $('text').value = wanted.question;
   }
+  openSpace(wanted);
   remember();
   if (!name) return;
   const events = new EventSource(api('/events'));
@@ -59,7 +64,7 @@ function open(name) {
   events.onerror = () => live(false);
   events.addEventListener('status', (event) => drawStatus(JSON.parse(event.data)));
   for (const kind of ['frame', 'input_warning', 'refinement']) events.addEventListener(kind, () => refreshStatus());
-  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); refreshTimeline(); redraw(); });
+  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); refreshTimeline(); redraw(); refreshSplats(); refreshPath(); });
   state.events = events;
   refreshFrames();
   refreshTimeline();
@@ -98,11 +103,13 @@ $('channels').onclick = (event) => {
 
 function showChannel(channel) {
   const buttons = [...$('channels').children];
-  const known = buttons.some((button) => button.dataset.channel === channel);
+  const known = buttons.some((button) => button.dataset.channel === channel && !button.disabled);
   state.channel = known ? channel : 'color';
   for (const button of buttons) button.setAttribute('aria-checked', String(button.dataset.channel === state.channel));
+  showSpace(state.channel === '3D');
 }
 
+document.addEventListener('splats', throttled(drawPlanNow, PLAN_MILLIS));
 // Another view is another answer.
 document.addEventListener('chosen', () => {
   remember();
@@ -122,6 +129,8 @@ document.onkeydown = (event) => {
   if (event.key === 'ArrowRight' && !typing) step(1);
 };
 
+$('in3d').disabled = !has3d();
+$('no3d').hidden = has3d();
 showChannel(asked().channel);
 listenForLogin();
 listenForManaging(open, listMaps);

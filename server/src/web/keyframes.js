@@ -15,6 +15,7 @@ export const refreshFrames = throttled(async () => {
   if (map !== state.map) return;
   state.frames = frames;
   drawStrip();
+  document.dispatchEvent(new Event('frames'));
   const newest = frames.at(-1);
   const gone = !frames.some((frame) => frame.sequence === state.chosen);
   if (newest && (gone || (state.follows && !state.question)) && newest.sequence !== state.chosen) choose(newest.sequence);

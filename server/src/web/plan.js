@@ -1,13 +1,14 @@
-// The plan: draws the trajectory and the objects from above.
+// The plan: draws the map, the trajectory and the objects from above.
 //
-// In: keyframes with world_from_camera (16 numbers, row-major) and objects with axis-aligned boxes,
-// metres. Out: a drawing on a canvas.
+// In: keyframes with world_from_camera (16 numbers, row-major), objects with axis-aligned boxes, metres, and
+// the splats. Out: a drawing on a canvas.
+import { extent, picture } from './floor.js';
 
 const AXES = { xz: [0, 2], xy: [0, 1], yz: [1, 2] };
 const MARGIN = 30;
 
-// The plane of the floor. The y axis of a camera points down, so the world axis that most y axes
-// are parallel to is vertical.
+// The plane of the floor, and the axis across it with the sign that points up. The y axis of a camera points
+// down, so the world axis that most y axes are parallel to is vertical.
 function fromAbove(frames) {
   const down = [0, 0, 0];
   for (const frame of frames) {
@@ -15,19 +16,21 @@ function fromAbove(frames) {
   }
   const size = down.map(Math.abs);
   const vertical = size.indexOf(Math.max(...size));
-  return { 0: 'yz', 1: 'xz', 2: 'xy' }[vertical];
+  return { plane: { 0: 'yz', 1: 'xz', 2: 'xy' }[vertical], axis: vertical, sign: down[vertical] > 0 ? -1 : 1 };
 }
 
 export function drawPlan(canvas, frames, objects, plane, chosen) {
   const context = canvas.getContext('2d');
   const { width, height } = canvas;
   context.clearRect(0, 0, width, height);
-  const name = plane === 'auto' ? fromAbove(frames) : plane;
+  const floor = fromAbove(frames);
+  const name = plane === 'auto' ? floor.plane : plane;
   const [across, up] = AXES[name];
   const place = (frame) => [frame.world_from_camera[across * 4 + 3], frame.world_from_camera[up * 4 + 3]];
   const path = frames.map(place);
   const corners = objects.flatMap((o) => [[o.aabb_min_metres[across], o.aabb_min_metres[up]], [o.aabb_max_metres[across], o.aabb_max_metres[up]]]);
-  const all = [...path, ...corners];
+  const ground = extent(AXES[name]);
+  const all = [...path, ...corners, ...(ground ? [ground.least, ground.most] : [])];
   if (all.length === 0) return;
 
   const least = [0, 1].map((i) => Math.min(...all.map((p) => p[i])));
@@ -37,6 +40,8 @@ export function drawPlan(canvas, frames, objects, plane, chosen) {
   const middle = [0, 1].map((i) => (least[i] + most[i]) / 2);
   const pixel = ([x, y]) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
 
+  const map = picture(canvas, AXES[name], above(frames, name, floor), pixel, scale);
+  if (map) context.drawImage(map, 0, 0);
   grid(context, width, height, scale, pixel([0, 0]));
   context.lineWidth = 2.5;
   context.strokeStyle = '#22d3ee';
@@ -50,10 +55,18 @@ export function drawPlan(canvas, frames, objects, plane, chosen) {
   context.fillText(`${name[0]} → , ${name[1]} ↑`, 10, height - 10);
 }
 
+// The axis across the plane and the sign that points to who looks at it; `cameras`: the height of the middle
+// one above the floor, if it is the floor that is shown.
+function above(frames, name, floor) {
+  if (name !== floor.plane) return { axis: { yz: 0, xz: 1, xy: 2 }[name], sign: name === 'xz' ? -1 : 1, cameras: null };
+  const heights = frames.map((frame) => floor.sign * frame.world_from_camera[floor.axis * 4 + 3]).sort((a, b) => a - b);
+  return { ...floor, cameras: heights[heights.length >> 1] ?? null };
+}
+
 function grid(context, width, height, scale, [zeroX, zeroY]) {
   const metres = [0.1, 0.25, 0.5, 1, 2, 5, 10, 25, 50, 100, 1000].find((m) => m * scale > 40) ?? 1000;
   const step = metres * scale;
-  context.strokeStyle = '#1a2130';
+  context.strokeStyle = '#8b95a833';
   context.lineWidth = 1;
   context.beginPath();
   for (let x = ((zeroX % step) + step) % step; x < width; x += step) { context.moveTo(x, 0); context.lineTo(x, height); }

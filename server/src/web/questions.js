@@ -46,11 +46,17 @@ export function forget() {
 
 // Removes the answer.
 function clear() {
-  state.objects = [];
+  tell(null, []);
   $('answer').replaceChildren(element('p', HINT, 'quiet'));
   clearView();
   drawObjects();
   drawPlanNow();
+}
+
+// Keeps an answer about the whole map, and tells the 3D view.
+function tell(answer, objects) {
+  Object.assign(state, { answer, objects });
+  for (const event of ['answered', 'objects']) document.dispatchEvent(new Event(event));
 }
 
 async function segment(texts, number) {
@@ -60,7 +66,7 @@ async function segment(texts, number) {
   const [space, view] = await Promise.all([in3d, inView]);
   const labels = view ? await createImageBitmap(await (await call(linked(view.labels.url))).blob()) : null;
   if (number !== state.asked || map !== state.map) return;
-  state.objects = [];
+  tell({ space, legend: space.legend }, []);
   drawLegend(space, view, chosen);
   drawObjects();
   drawPlanNow();
@@ -79,7 +85,7 @@ async function locate(text, number) {
   const [space, view] = await Promise.all([in3d, inView]);
   const heat = view?.heatmap ? await array(linked(view.heatmap.url)) : null;
   if (number !== state.asked || map !== state.map) return;
-  state.objects = space.objects ?? [];
+  tell({ space, legend: null }, space.objects ?? []);
   drawAnswer(space, view, chosen);
   drawObjects();
   drawPlanNow();

@@ -1,14 +1,15 @@
 // Requests to the server.
 import { $, state } from './state.js';
 
-export async function call(path, options = {}) {
+// `expected`: statuses that are no errors, beside those of success.
+export async function call(path, { expected = [], ...options } = {}) {
   let response;
   try {
     response = await fetch(path, { cache: 'no-store', ...options });
   } catch {
     throw new Error('the server does not answer');
   }
-  if (!response.ok) {
+  if (!response.ok && !expected.includes(response.status)) {
     if (response.status === 401 && $('login').hidden) {
       $('login').hidden = false;
       $('token').focus();

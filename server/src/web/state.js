@@ -14,7 +14,10 @@ export const state = {
   chosen: null,
   // Whether the newest keyframe is chosen as they come.
   follows: true,
+  // '3D', or a channel of the rendered view.
   channel: 'color',
+  // Camera of the 3D view {mode, eye, yaw, pitch, distance}; null: where the page puts it.
+  camera: null,
   // EventSource of the map.
   events: null,
   // The question that is answered, or that is being answered; empty if there is none.
@@ -22,6 +25,8 @@ export const state = {
   // Heat map {shape, values} or label image over the view.
   heat: null,
   labels: null,
+  // The last answer about the whole map: {space: the reply, legend: its labels, or null}; null if there is none.
+  answer: null,
   // Objects of the last answer.
   objects: [],
   // Number of questions asked: answers to older questions are dropped.

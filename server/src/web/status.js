@@ -1,6 +1,7 @@
 // The status of the map.
 import { element, throttled } from './page.js';
 import { api, json } from './server.js';
+import { turnUpright } from './space.js';
 import { $, state } from './state.js';
 
 const REFRESH_MILLIS = 1500;
@@ -9,6 +10,7 @@ export const refreshStatus = throttled(async () => { if (state.map) drawStatus(a
 
 export function drawStatus(status) {
   state.settled = status.settled;
+  turnUpright(status.up?.direction);
   const chip = (label, value, kind = '') => {
     const item = document.createElement('li');
     const number = document.createElement('b');

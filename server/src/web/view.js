@@ -8,7 +8,7 @@ const PICTURE_WIDTH = 640;
 
 export async function drawPicture() {
   const { map, chosen, channel } = state;
-  if (chosen === null) return;
+  if (chosen === null || channel === '3D') return;
   const path = api(`/render?frame=${chosen}&channel=${channel}&width=${PICTURE_WIDTH}`);
   const still = () => map === state.map && chosen === state.chosen && channel === state.channel;
   await attempt(async () => {
@@ -36,8 +36,14 @@ function depthImage({ shape: [height, width], values }) {
   return image;
 }
 
-// Draws the heat map or the labels of the answer over the view. The heat map is transparent below a
-// relevancy of 0.4; 0.5 means that the text fits no better than anything else.
+// Color of a relevancy, and its opacity, 0 to 1: transparent below 0.4; 0.5 means that the text fits no better
+// than anything else.
+export function heatColor(relevancy) {
+  const t = Math.min(1, Math.max(0, (relevancy - 0.4) / 0.5));
+  return [255 * Math.min(1, 2 * t), 255 * (t < 0.5 ? 1.2 * t + 0.2 : 1.6 * (1 - t)), 255 * Math.max(0, 0.7 - 1.4 * t), Math.sqrt(t)];
+}
+
+// Draws the heat map or the labels of the answer over the view.
 export function drawHeat() {
   const canvas = $('heat');
   const context = canvas.getContext('2d');
@@ -54,8 +60,8 @@ export function drawHeat() {
   const strength = Number($('alpha').value);
   const image = new ImageData(width, height);
   values.forEach((value, at) => {
-    const t = Math.min(1, Math.max(0, (value - 0.4) / 0.5));
-    image.data.set([255 * Math.min(1, 2 * t), 255 * (t < 0.5 ? 1.2 * t + 0.2 : 1.6 * (1 - t)), 255 * Math.max(0, 0.7 - 1.4 * t), 255 * strength * Math.sqrt(t)], at * 4);
+    const [r, g, b, share] = heatColor(value);
+    image.data.set([r, g, b, 255 * strength * share], at * 4);
   });
   canvas.width = width;
   canvas.height = height;

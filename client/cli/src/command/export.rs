@@ -52,6 +52,8 @@ enum Format {
     Points,
     /// Camera poses: timestamp tx ty tz qx qy qz qw
     Tum,
+    /// Gaussians, 32 bytes each, what is most to be seen first: web viewers stream it
+    Splat,
     /// Gaussians, compressed
     Spz,
     /// Gaussians in glTF
@@ -68,6 +70,7 @@ impl Format {
         match self {
             Self::Ply => "splats.ply",
             Self::Points => "points.ply",
+            Self::Splat => "splats.splat",
             Self::Spz => "splats.spz",
             Self::Glb => "splats.glb",
             Self::Mesh => "mesh.ply",

@@ -204,7 +204,7 @@ class AsyncMap:
         wait_seconds: float | None = None,
         min_sequence: int | None = None,
     ) -> Segmentation:
-        """Which of 2 to 32 texts fits each pixel of a view, or each Gaussian of the map, best.
+        """Which of 1 to 32 texts fits each pixel of a view, or each Gaussian of the map, best.
 
         Args:
             texts: The texts.
@@ -281,8 +281,8 @@ class AsyncMap:
         """Saves the map as a file, which is whole or not there; an old one is replaced.
 
         Args:
-            kind: "ply", "spz", "glb" (Gaussians for viewers), "mesh", "points", "language",
-                "tum" or "trajectory" (JSON).
+            kind: "ply", "splat", "spz", "glb" (Gaussians for viewers), "mesh", "points",
+                "language", "tum" or "trajectory" (JSON).
             path: The file.
             voxel: Mesh: side of a voxel, metres; 0.02 by default.
             text: Mesh: a text whose relevancy becomes a property of the vertices.

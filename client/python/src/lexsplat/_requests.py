@@ -16,11 +16,12 @@ Poses: TypeAlias = Literal["given", "estimate"]
 _POSES = {"given": v1.POSE_SOURCE_GIVEN, "estimate": v1.POSE_SOURCE_ESTIMATED}
 
 ExportFormat: TypeAlias = Literal[
-    "ply", "spz", "glb", "mesh", "points", "language", "tum", "trajectory"
+    "ply", "splat", "spz", "glb", "mesh", "points", "language", "tum", "trajectory"
 ]
 UpAxis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z", "map"]
 EXPORTS: dict[str, str] = {
     "ply": "splats.ply",
+    "splat": "splats.splat",
     "spz": "splats.spz",
     "glb": "splats.glb",
     "mesh": "mesh.ply",

@@ -99,11 +99,11 @@ pub(super) fn max_objects(given: Option<u32>) -> Result<usize, Refusal> {
     }
 }
 
-/// Checks 2 to [`MAX_TEXTS`] different texts.
+/// Checks 1 to [`MAX_TEXTS`] different texts.
 pub(super) fn texts(given: &[String]) -> Result<Vec<String>, Refusal> {
     let found = given.len();
-    if !(2..=MAX_TEXTS).contains(&found) {
-        return Err(Refusal::new("texts", format!("expected 2 to {MAX_TEXTS}, found {found}")));
+    if !(1..=MAX_TEXTS).contains(&found) {
+        return Err(Refusal::new("texts", format!("expected 1 to {MAX_TEXTS}, found {found}")));
     }
     let mut texts: Vec<String> = Vec::with_capacity(found);
     for (at, text) in given.iter().enumerate() {

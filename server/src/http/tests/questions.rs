@@ -125,7 +125,7 @@ async fn several_texts_have_labels_to_fetch_and_places_are_checked() {
     }
     let frame = json!({"frame": FRAME});
     for (body, field) in [
-        (json!({"texts": ["a"]}), "texts"),
+        (json!({"texts": vec!["a"; 33]}), "texts"),
         (json!({"texts": ["a", "b"], "text": "c"}), "text"),
         (json!({"texts": ["a", "b", "a"]}), "texts[2]"),
         (json!({"texts": ["a", 3]}), "texts[1]"),

@@ -39,7 +39,7 @@ pub enum QueryError {
         reason: String,
     },
     /// A segmentation has too few or too many texts.
-    #[error("texts: expected 2 to {limit}, found {found}")]
+    #[error("texts: expected 1 to {limit}, found {found}")]
     WrongTextCount {
         /// Permitted number.
         limit: usize,

@@ -31,7 +31,7 @@ pub struct Query {
 /// An open-vocabulary segmentation: which of several texts does each pixel or Gaussian match best?
 #[derive(Clone, Debug)]
 pub struct SegmentationRequest {
-    /// Texts of the labels: 2 to 32, all different.
+    /// Texts of the labels: 1 to 32, all different.
     pub texts: Vec<String>,
     /// Negative texts; empty: the bundle's canonical negatives.
     pub negatives: Vec<String>,

@@ -129,7 +129,11 @@ impl Worker {
         let seen = view::search(search, &features, camera, Some(&share));
         let is_hidden = !rows.is_empty() && !is_present(seen.confidence);
         let hidden = is_hidden.then(|| "the map has it, but this view does not show it".into());
-        Ok(Findings { reason: reason.or(hidden), ..seen })
+        let confidence = match &reason {
+            Some(_) => found.confidence,
+            None => seen.confidence,
+        };
+        Ok(Findings { reason: reason.or(hidden), confidence, ..seen })
     }
 
     /// Labels each pixel or Gaussian with the most relevant of several texts.
@@ -141,7 +145,7 @@ impl Worker {
     ) -> Result<Segmentation, QueryError> {
         let threshold = checked_threshold(request.threshold, SEGMENTATION_THRESHOLD)?;
         let found = request.texts.len();
-        if !(2..=MAX_TEXTS).contains(&found) {
+        if !(1..=MAX_TEXTS).contains(&found) {
             return Err(QueryError::WrongTextCount { limit: MAX_TEXTS, found });
         }
         let mut timing = Timing::default();

@@ -123,12 +123,17 @@ fn related(
     }
     let mut others = Vec::new();
     for other in &candidates.others {
-        if !other.is_present {
-            return Err(messages::nothing(other.wanted));
-        }
-        let chosen = choose(other, around);
-        if let Some(reason) = chosen.reason {
-            return Err(reason);
+        let chosen = match other.is_present {
+            true => choose(other, around),
+            false => Choice::none(messages::nothing(other.wanted)),
+        };
+        match chosen.reason {
+            None => {}
+            // Nothing is next to what is not there.
+            Some(_) if relation.is_negated && can_decide(other.wanted, around) => {
+                return Ok(kept.to_vec());
+            }
+            Some(reason) => return Err(reason),
         }
         others.push(chosen.kept.iter().map(|&at| &other.objects[at]).collect::<Vec<_>>());
     }
@@ -137,6 +142,15 @@ fn related(
     let chosen = related.chosen(kept);
     let none = || messages::without_relation(candidates.wanted, kept.len());
     if chosen.is_empty() { Err(none()) } else { Ok(chosen) }
+}
+
+/// Whether all relations that a thing has can be decided.
+fn can_decide(wanted: &Wanted, around: &Surroundings<'_>) -> bool {
+    wanted.relation.as_ref().is_none_or(|relation| {
+        let sees = !relation.kind.needs_view() || around.camera.is_some();
+        let stands = around.level_from_world.is_some();
+        sees && stands && relation.others.iter().all(|other| can_decide(other, around))
+    })
 }
 
 /// The shapes of all objects.

@@ -10,9 +10,14 @@ pub(super) fn nothing(wanted: &Wanted) -> String {
 
 /// There are things of the kind, and none has the attribute.
 pub(super) fn without_attribute(wanted: &Wanted, attribute: Attribute, looks: &[Look]) -> String {
-    let is = attribute.to_string();
-    let mut reason = format!("{} found, and none is {is}", counted(looks.len().max(1), wanted));
-    if matches!(attribute.kind, AttributeKind::Color(_)) {
+    let count = looks.len().max(1);
+    let affirmed = Attribute { is_negated: false, ..attribute };
+    let mut reason = match (attribute.is_negated, count) {
+        (false, _) => format!("{} found, and none is {attribute}", counted(count, wanted)),
+        (true, 1) => format!("{} found, and it is {affirmed}", counted(count, wanted)),
+        (true, _) => format!("{} found, and all are {affirmed}", counted(count, wanted)),
+    };
+    if matches!(attribute.kind, AttributeKind::Color(_)) && !attribute.is_negated {
         let mut colors: Vec<&str> = looks.iter().map(|look| look.main_color().as_str()).collect();
         colors.sort_unstable();
         colors.dedup();
@@ -46,6 +51,6 @@ pub(super) fn no_up(relation: &Relation) -> String {
 fn counted(count: usize, wanted: &Wanted) -> String {
     match count {
         1 => format!("one {} was", wanted.object()),
-        _ => format!("{count} of {} were", wanted.object()),
+        _ => format!("{count} things called {:?} were", wanted.object()),
     }
 }

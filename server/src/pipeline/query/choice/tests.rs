@@ -257,9 +257,12 @@ fn attributes_and_relations_choose() {
 #[test]
 fn where_nothing_is_chosen_there_is_a_reason() {
     for (text, reason) in [
-        ("green chair", "3 of chair were found, and none is green (mostly blue, red, white)"),
+        (
+            "green chair",
+            "3 things called \"chair\" were found, and none is green (mostly blue, red, white)",
+        ),
         ("red chair next to the door", "one chair was found, and none is next to door"),
-        ("chair on the door", "3 of chair were found, and none is on door"),
+        ("chair on the door", "3 things called \"chair\" were found, and none is on door"),
         ("chair next to the green door", "one door was found, and none is green (mostly brown)"),
         ("chair left of the door", "\"left of\" depends on where one looks from: ask about a view"),
     ] {
@@ -269,10 +272,28 @@ fn where_nothing_is_chosen_there_is_a_reason() {
     let alone = [(([0.0; 3], [0.4, 0.4, 0.9]), [0.7, 0.1, 0.1])];
     let chosen = Boxes::new(&alone).choose("chair next to the door", 1, None);
     assert_eq!(chosen.reason.as_deref(), Some("no door was found"));
+    let chosen = Boxes::new(&alone).choose("chair that is not red", 1, None);
+    assert_eq!(chosen.reason.as_deref(), Some("one chair was found, and it is red"));
     let chosen = Boxes::new(&alone).choose("chair that is not the largest", 1, None);
     assert_eq!(chosen.reason.as_deref(), Some("there is only one chair"));
     let chosen = Boxes::new(&[]).choose("red chair", 0, None);
     assert_eq!(chosen.reason.as_deref(), Some("no chair was found"));
+}
+
+#[test]
+fn what_is_not_there_excludes_nothing() {
+    let alone = [(([0.0; 3], [0.4, 0.4, 0.9]), [0.7, 0.1, 0.1])];
+    for text in ["chair not next to the door", "chair that is not on the green table"] {
+        let chosen = Boxes::new(&alone).choose(text, 1, None);
+        assert_eq!(chosen, Choice { kept: vec![0], reason: None }, "{text}");
+    }
+    // Negative control: with a door beside it, the chair is excluded.
+    let both = [alone[0], (([0.5, 0.0, 0.0], [0.6, 0.9, 2.0]), [0.4, 0.3, 0.2])];
+    assert!(Boxes::new(&both).choose("chair not next to the door", 1, None).kept.is_empty());
+    // What cannot be decided is not absent.
+    let nested = "chair not next to the door left of the table";
+    let chosen = Boxes::new(&alone).choose(nested, 1, None);
+    assert!(chosen.kept.is_empty() || chosen.reason.is_none(), "{chosen:?}");
 }
 
 #[test]

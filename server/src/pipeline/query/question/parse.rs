@@ -210,12 +210,25 @@ fn described(words: &[Word], relation: Option<Box<Relation>>) -> Result<Wanted> 
     let (words, in_front) = attributes_in_front(words);
     attributes.splice(0..0, in_front);
     check_negations(&words)?;
+    check_count(&words)?;
     let name = noun(&words);
     let says_more = !attributes.is_empty() || relation.is_some();
     if words.is_empty() || (says_more && ANYTHING.contains(&&*name)) || name.starts_with("what") {
         return Err(no_kind(&whole));
     }
     Ok(Wanted { names: vec![name], attributes, relation })
+}
+
+/// Refuses several things: only colors and the two things that something is between are joined.
+fn check_count(words: &[Word]) -> Result<()> {
+    if !words.iter().any(|word| word.is_in(&["and", "or"])) {
+        return Ok(());
+    }
+    Err(refused(format!(
+        "{} names several things: ask for one at a time, compare several as texts (on the dashboard and the \
+         command line with commas between them), or put quotes around a name",
+        quoted(&joined(words))
+    )))
 }
 
 /// Refuses a negation that is left in a name.
@@ -236,7 +249,9 @@ fn check_negations(words: &[Word]) -> Result<()> {
     }
     let asked = quoted(&joined(words));
     if words.first().is_some_and(is_not) || words.windows(2).any(has_pair) {
-        let thing = noun(without_determiners(words.get(1..).unwrap_or_default()));
+        let pair = words.windows(2).position(has_pair);
+        let rest = words.get(pair.map_or(1, |at| at + 2)..).unwrap_or_default();
+        let thing = noun(without_determiners(rest));
         return Err(refused(format!(
             "{asked} only says what is not meant: ask for the thing that is meant, or for what sets it \
              apart, as in \"{} that is not red\"; texts compare things with each other",

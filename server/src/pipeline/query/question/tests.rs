@@ -214,6 +214,16 @@ fn what_cannot_be_decided_is_refused_with_a_way_out() {
     }
     assert!(refusal("nearest chair").contains("to what"));
     assert!(refusal("chair next to the table and near the door").contains("several"));
+    for several in ["laptop or bowl", "the laptop and the bowl", "red or green door"] {
+        assert!(refusal(several).contains("several things"), "{several}");
+    }
+    assert_eq!(understood("\"salt and pepper\""), "salt and pepper");
+    for (text, instead) in [
+        ("anything but chairs", "\"chair that is not red\""),
+        ("everything except the table", "\"table that is not red\""),
+    ] {
+        assert!(refusal(text).contains(instead), "{}", refusal(text));
+    }
     let long = "cup".to_owned() + &" on the table".repeat(5);
     assert!(refusal(&long).contains("at most 4 things"));
     for text in ["", "?", " the ", "a an"] {
