@@ -99,7 +99,8 @@ def opens(page: Page, address: str) -> None:
 
 
 def stand(page: Page, sequence: int) -> None:
-    page.evaluate(f"document.querySelector('#strip [data-sequence=\"{sequence}\"]').click()")
+    button = page.locator(f"#strip [data-sequence='{sequence}']")
+    button.evaluate("(button) => button.click()", timeout=TIMEOUT_MS)
     expect(page.locator("#strip .chosen span")).to_have_text(str(sequence), timeout=TIMEOUT_MS)
 
 
