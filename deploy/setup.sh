@@ -18,6 +18,7 @@ RUFF_VERSION=0.17.6
 MYPY_VERSION=2.4.1
 BUF_VERSION=1.75.0
 PLAYWRIGHT_VERSION=1.65.2
+AXE_VERSION=4.14.1
 GLTF_VALIDATOR_VERSION=2.0.0-dev.3.10
 SPLAT_TRANSFORM_VERSION=2.7.1
 
@@ -164,14 +165,15 @@ if [ "${1:-}" = --tests ] && [ ! -d "$swiftshader" ]; then
   fi
 fi
 
-# A validator of glTF and a converter of splats, by others. Without Node.js, the test that opens files with them
-# says that it is skipped.
-if [ "${1:-}" = --tests ] && [ ! -d .deps/viewers ] && command -v npm >/dev/null; then
-  say "installing a validator of glTF and a converter of splats into .deps/viewers"
-  rm -rf .deps/viewers.partial
+# A validator of glTF, a converter of splats and a checker of accessibility, by others. Without Node.js, tests that
+# use them say what is skipped.
+if [ "${1:-}" = --tests ] && [ ! -d .deps/viewers/node_modules/axe-core ] && command -v npm >/dev/null; then
+  say "installing a validator of glTF, a converter of splats and a checker of accessibility into .deps/viewers"
+  rm -rf .deps/viewers.partial .deps/viewers
   mkdir -p .deps/viewers.partial
   if why=$(npm install --prefix .deps/viewers.partial --ignore-scripts --no-audit --no-fund --loglevel error \
-      "gltf-validator@$GLTF_VALIDATOR_VERSION" "@playcanvas/splat-transform@$SPLAT_TRANSFORM_VERSION" 2>&1); then
+      "gltf-validator@$GLTF_VALIDATOR_VERSION" "@playcanvas/splat-transform@$SPLAT_TRANSFORM_VERSION" \
+      "axe-core@$AXE_VERSION" 2>&1); then
     mv .deps/viewers.partial .deps/viewers
   else
     say "they cannot be had here, so exported files are not opened with them: $(tail -n 1 <<<"$why")"

@@ -188,6 +188,27 @@ def fits(page: Page) -> None:
         assert wide <= width, f"{wide} of {width} pixels"
 
 
+AXE = Path(__file__).parents[2] / ".deps/viewers/node_modules/axe-core/axe.min.js"
+
+
+def is_accessible(page: Page) -> None:
+    """No rule of axe is broken, with the dialog closed and open."""
+    if not AXE.exists():
+        print("SKIPPED: axe-core is not there (deploy/setup.sh --tests, which needs npm)")
+        return
+    page.evaluate(AXE.read_text())
+    check = """axe.run().then((report) =>
+      report.violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`))"""
+    assert page.evaluate(check) == []
+    page.get_by_role("button", name="Manage maps").click()
+    expect(row(page, "room")).to_be_visible(timeout=TIMEOUT_MS)
+    assert page.evaluate(check) == []
+    # Negative control: a picture that says nothing.
+    page.evaluate("document.getElementById('manager').append(document.createElement('img'))")
+    assert any("image-alt" in broken for broken in page.evaluate(check))
+    page.get_by_role("button", name="close").click()
+
+
 def main() -> None:
     address, chromium, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3])
     with sync_playwright() as playwright:
@@ -207,6 +228,7 @@ def main() -> None:
             lambda: manages(page, folder),
             lambda: says_what_is_wrong(page),
             lambda: fits(page),
+            lambda: is_accessible(page),
         )
         for at, step in enumerate(steps):
             step()
