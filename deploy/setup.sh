@@ -6,7 +6,7 @@
 #   deploy/setup.sh            for the server
 #   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files,
 #                              SwiftShader as a second Vulkan driver and Chromium where Debian's packages
-#                              have them
+#                              have them, viewers of splats where there is npm
 #   deploy/setup.sh --lint     only the linters: typos, ruff, mypy and buf
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -18,6 +18,8 @@ RUFF_VERSION=0.17.6
 MYPY_VERSION=2.4.1
 BUF_VERSION=1.75.0
 PLAYWRIGHT_VERSION=1.65.2
+GLTF_VALIDATOR_VERSION=2.0.0-dev.3.10
+SPLAT_TRANSFORM_VERSION=2.7.1
 
 say() { printf '%s\n' "$*" >&2; }
 fail() { say "error: $*"; exit 1; }
@@ -159,6 +161,20 @@ if [ "${1:-}" = --tests ] && [ ! -d "$swiftshader" ]; then
   else
     rm -rf "$swiftshader.partial"
     say "SwiftShader cannot be had here, so the tests run on one driver only: $(tail -n 1 <<<"$why")"
+  fi
+fi
+
+# A validator of glTF and a converter of splats, by others. Without Node.js, the test that opens files with them
+# says that it is skipped.
+if [ "${1:-}" = --tests ] && [ ! -d .deps/viewers ] && command -v npm >/dev/null; then
+  say "installing a validator of glTF and a converter of splats into .deps/viewers"
+  rm -rf .deps/viewers.partial
+  mkdir -p .deps/viewers.partial
+  if why=$(npm install --prefix .deps/viewers.partial --ignore-scripts --no-audit --no-fund --loglevel error \
+      "gltf-validator@$GLTF_VALIDATOR_VERSION" "@playcanvas/splat-transform@$SPLAT_TRANSFORM_VERSION" 2>&1); then
+    mv .deps/viewers.partial .deps/viewers
+  else
+    say "they cannot be had here, so exported files are not opened with them: $(tail -n 1 <<<"$why")"
   fi
 fi
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Locator, Page, expect, sync_playwright
 
 TIMEOUT_MS = 120_000
 # Shown where there is no answer.
@@ -119,6 +119,60 @@ def is_live(page: Page, folder: Path) -> None:
     wait(page, "another picture", lambda: picture(page) != before)
 
 
+def has_a_time_line(page: Page) -> None:
+    expect(page.locator("#timeline-text")).to_contain_text("48 frames tracked", timeout=TIMEOUT_MS)
+    expect(page.locator("#timeline-text")).not_to_contain_text("gap")
+    # Its left end is the first keyframe.
+    page.locator("#timeline").click(position={"x": 1, "y": 13})
+    expect(page.locator("#strip .chosen span")).to_have_text("0")
+
+
+def row(page: Page, name: str) -> Locator:
+    """The row of a map in the dialog that manages maps."""
+    return page.locator("#manager-maps tr").filter(
+        has=page.get_by_role("button", name=name, exact=True)
+    )
+
+
+def manages(page: Page, folder: Path) -> None:
+    page.get_by_role("button", name="Manage maps").click()
+    page.fill("#create-name", "hall")
+    page.press("#create-name", "Enter")
+    expect(row(page, "hall")).to_contain_text("empty", timeout=TIMEOUT_MS)
+    page.fill("#create-name", "hall")
+    page.press("#create-name", "Enter")
+    expect(page.locator("#manager-error")).to_contain_text("already", timeout=TIMEOUT_MS)
+    page.get_by_role("button", name="Rename hall").click()
+    page.get_by_label("new name of hall").fill("attic")
+    page.get_by_label("new name of hall").press("Enter")
+    expect(row(page, "attic")).to_be_visible(timeout=TIMEOUT_MS)
+    expect(row(page, "hall")).to_have_count(0)
+    expect(page.locator("#manager-error")).to_be_hidden()
+
+    page.get_by_role("button", name="Download other").click()
+    with page.expect_download(timeout=TIMEOUT_MS) as download:
+        page.get_by_role("link", name="backup").click()
+    file = folder / download.value.suggested_filename
+    download.value.save_as(file)
+    page.set_input_files("#restore-file", file)
+    page.fill("#restore-name", "copy")
+    page.click("#restore button")
+    done = re.compile("settled|refining|converged")
+    expect(row(page, "copy")).to_contain_text(done, timeout=TIMEOUT_MS)
+    frames = row(page, "other").locator("td").nth(2).inner_text()
+    assert row(page, "copy").locator("td").nth(2).inner_text() == frames
+
+    # The first click only asks.
+    page.get_by_role("button", name="Delete attic").click()
+    again = page.get_by_role("button", name="Delete for ever attic")
+    expect(row(page, "attic")).to_be_visible()
+    again.click()
+    expect(row(page, "attic")).to_have_count(0, timeout=TIMEOUT_MS)
+    page.get_by_role("button", name="close").click()
+    expect(page.locator("#maps option", has_text="copy")).to_have_count(1, timeout=TIMEOUT_MS)
+    expect(page.locator("#maps option", has_text="attic")).to_have_count(0)
+
+
 def says_what_is_wrong(page: Page) -> None:
     ask(page, "not a wall")
     expect(page.locator("#error")).to_be_visible(timeout=TIMEOUT_MS)
@@ -149,6 +203,8 @@ def main() -> None:
             lambda: forgets_with_the_map(page),
             lambda: compares_several(page),
             lambda: is_live(page, folder),
+            lambda: has_a_time_line(page),
+            lambda: manages(page, folder),
             lambda: says_what_is_wrong(page),
             lambda: fits(page),
         )

@@ -89,9 +89,11 @@ fn body(path: &str) -> Value {
 }
 
 /// Each route, and the scope that it needs; `None`: everybody may.
-const ROUTES: [(&str, &str, Option<Scope>); 21] = [
+const ROUTES: [(&str, &str, Option<Scope>); 24] = [
     ("GET", "/", None),
     ("GET", "/dashboard/app.js", None),
+    ("GET", "/docs", None),
+    ("GET", "/docs/", None),
     ("DELETE", "/v1/session", None),
     ("GET", "/metrics", Some(Scope::Read)),
     ("GET", "/v1/maps", Some(Scope::Read)),
@@ -110,6 +112,7 @@ const ROUTES: [(&str, &str, Option<Scope>); 21] = [
     ("GET", "/v1/maps/kitchen/events", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/backup", Some(Scope::Admin)),
     ("PUT", "/v1/maps/kitchen/backup", Some(Scope::Admin)),
+    ("PATCH", "/v1/maps/kitchen", Some(Scope::Admin)),
     ("DELETE", "/v1/maps/kitchen", Some(Scope::Admin)),
 ];
 
@@ -227,7 +230,7 @@ struct Caller {
 }
 
 /// Each call, and the scope that it needs.
-const CALLS: [(&str, Scope); 8] = [
+const CALLS: [(&str, Scope); 9] = [
     ("CreateMap", Scope::Write),
     ("GetMap", Scope::Read),
     ("ListMaps", Scope::Read),
@@ -235,6 +238,7 @@ const CALLS: [(&str, Scope); 8] = [
     ("QueryChunks", Scope::Read),
     ("ExportMap", Scope::Read),
     ("StreamFrames", Scope::Write),
+    ("RenameMap", Scope::Admin),
     ("DeleteMap", Scope::Admin),
 ];
 
@@ -261,26 +265,28 @@ impl Caller {
                 self.client.get_map(request).await.map(drop)
             }
             "ListMaps" => {
-                let request = self.with_token(v1::ListMapsRequest {});
+                let request = self.with_token(v1::ListMapsRequest::default());
                 self.client.list_maps(request).await.map(drop)
             }
-            "Query" => {
+            "Query" | "QueryChunks" => {
                 let query =
                     v1::QueryRequest { map: name, text: "cup".into(), ..Default::default() };
                 let request = self.with_token(query);
-                self.client.query(request).await.map(drop)
-            }
-            "QueryChunks" => {
-                let query =
-                    v1::QueryRequest { map: name, text: "cup".into(), ..Default::default() };
-                let request = self.with_token(query);
-                self.client.query_chunks(request).await.map(drop)
+                match call {
+                    "Query" => self.client.query(request).await.map(drop),
+                    _ => self.client.query_chunks(request).await.map(drop),
+                }
             }
             "ExportMap" => {
                 let export =
                     v1::ExportRequest { map: name, format: "ply".into(), ..Default::default() };
                 let request = self.with_token(export);
                 self.client.export_map(request).await.map(drop)
+            }
+            "RenameMap" => {
+                let new_name = format!("{name}-2");
+                let request = self.with_token(v1::RenameMapRequest { name, new_name });
+                self.client.rename_map(request).await.map(drop)
             }
             "DeleteMap" => {
                 let request = self.with_token(v1::DeleteMapRequest { name });
@@ -344,7 +350,7 @@ async fn lists_show_the_maps_that_the_caller_may_use() {
     let names: BTreeSet<&str> = maps.iter().filter_map(|map| map["name"].as_str()).collect();
     assert_eq!(names, BTreeSet::from(expected));
     let mut reader = asking.caller(Some(&some)).await;
-    let request = reader.with_token(v1::ListMapsRequest {});
+    let request = reader.with_token(v1::ListMapsRequest::default());
     let maps = reader.client.list_maps(request).await.expect("it may list").into_inner().maps;
     let names: BTreeSet<&str> = maps.iter().map(|map| map.name.as_str()).collect();
     assert_eq!(names, BTreeSet::from(expected));

@@ -90,7 +90,7 @@ async fn half_sent(most_unfinished: u64) -> (u64, usize) {
     // Others are served.
     let url = format!("http://{}", server.grpc);
     let mut client = MappingClient::connect(url).await.expect("it listens");
-    client.list_maps(v1::ListMapsRequest {}).await.expect("it answers");
+    client.list_maps(v1::ListMapsRequest::default()).await.expect("it answers");
     (taken, ended)
 }
 

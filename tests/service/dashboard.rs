@@ -21,7 +21,9 @@ async fn a_browser_opens_asks_changes_views_and_maps_and_sees_the_map_grow() {
         return;
     };
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let server = Server::start(tiny_config()).await;
+    let mut config = tiny_config();
+    config.server.data_dir = Some(folder.path().join("data"));
+    let server = Server::start(config).await;
     let robot = Robot::new(5, 48);
     let half = robot.views.len() / 2;
     let first = robot.stream("room", (0..half).map(|at| robot.frame(at)));
@@ -40,6 +42,6 @@ async fn a_browser_opens_asks_changes_views_and_maps_and_sees_the_map_grow() {
         let frames = (half..robot.views.len()).map(|at| robot.frame(at));
         server.send(robot.stream("room", frames)).await.expect("they are taken");
     }
-    assert!(person.await.expect("it ends").contains("9 steps"));
+    assert!(person.await.expect("it ends").contains("11 steps"));
     server.stop().await;
 }

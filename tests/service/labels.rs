@@ -63,7 +63,8 @@ async fn labels_are_the_language_of_their_pixels_and_survive_a_restart() {
     let checkpoint = folder.path().join("said.map/checkpoint-0001.lexsplat");
     std::fs::remove_file(checkpoint).expect("stopping wrote one");
     let server = Server::start(config).await;
-    let known = server.client().await.list_maps(v1::ListMapsRequest {}).await.expect("it answers");
+    let known =
+        server.client().await.list_maps(v1::ListMapsRequest::default()).await.expect("it answers");
     assert_eq!(known.into_inner().maps.len(), 2);
     server.loaded("said").await;
     server.settled("said").await;

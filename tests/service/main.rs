@@ -35,6 +35,7 @@ mod python;
 mod questions;
 mod reads;
 mod recordings;
+mod reflection;
 mod restart;
 mod shutdown;
 mod soak;

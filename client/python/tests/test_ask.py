@@ -96,8 +96,12 @@ def test_maps_are_listed_exported_and_deleted(client, mapped, room: Room, tmp_pa
     assert other.create().name == "other"
     with pytest.raises(lexsplat.BusyError, match="other"):
         other.create()
+    other = other.rename("another")
+    assert other.name == "another" and other.status().frames_received == 0
+    with pytest.raises(lexsplat.NotFoundError):
+        client.map("other").status()
     other.delete()
-    assert "other" not in [status.name for status in client.maps()]
+    assert "another" not in [status.name for status in client.maps()]
 
 
 def test_a_map_knows_up(new_map, room: Room, tmp_path):

@@ -7,8 +7,8 @@ use super::map_file::{MapFile, ReadOf};
 use crate::access::{Access, innermost, is_refused};
 use crate::npy::{self, Array};
 use lexsplat_proto::json::{
-    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, Maps, PointsLink, Question,
-    Restored, Segmentation, Status,
+    Answer, Frames, Health, HeatmapLink, Keyframe, LabelsLink, PointsLink, Question, Segmentation,
+    Status,
 };
 use reqwest::{RequestBuilder, Response, Url, header};
 use serde::de::DeserializeOwned;
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Debug)]
 pub struct HttpClient {
     base: Url,
-    client: reqwest::Client,
+    pub(super) client: reqwest::Client,
     /// How long the server may wait before it reads the map, seconds.
     wait_seconds: Option<u64>,
     wait: &'static str,
@@ -78,40 +78,6 @@ impl HttpClient {
         self.json(self.client.get(self.url(map, &[]))).await
     }
 
-    /// All maps, also those that are being loaded.
-    ///
-    /// # Errors
-    /// See [`Self::status`].
-    pub async fn maps(&self) -> Result<Vec<Status>, HttpError> {
-        let maps: Maps = self.json(self.client.get(self.path(&["v1", "maps"]))).await?;
-        Ok(maps.maps)
-    }
-
-    /// The recording and the newest checkpoint of a map as one file, part by part.
-    ///
-    /// # Errors
-    /// See [`Self::status`]; and what `write` returns.
-    pub async fn backup<E: From<HttpError>>(
-        &self,
-        map: &str,
-        mut write: impl FnMut(&[u8]) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let mut response = self.send(self.client.get(self.url(map, &["backup"]))).await?;
-        while let Some(part) = response.chunk().await.map_err(|error| self.lost(&error))? {
-            write(&part)?;
-        }
-        Ok(())
-    }
-
-    /// Puts a backup in place as a map whose name is free.
-    ///
-    /// # Errors
-    /// See [`Self::status`].
-    pub async fn restore(&self, map: &str, backup: tokio::fs::File) -> Result<Restored, HttpError> {
-        let put = self.client.put(self.url(map, &["backup"]));
-        self.json(put.header(header::CONTENT_TYPE, "application/x-tar").body(backup)).await
-    }
-
     /// The server's graphics adapter, networks and version.
     ///
     /// # Errors
@@ -160,14 +126,6 @@ impl HttpClient {
     /// See [`Self::status`].
     pub async fn labels(&self, link: &LabelsLink, accept: &str) -> Result<Vec<u8>, HttpError> {
         self.linked(&link.url, accept).await
-    }
-
-    /// Deletes a map.
-    ///
-    /// # Errors
-    /// See [`Self::status`].
-    pub async fn delete(&self, map: &str) -> Result<(), HttpError> {
-        self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
     }
 
     /// The heat map of an answer: relevancies `[height, width]`, and the .npy file that they came
@@ -287,11 +245,11 @@ impl HttpClient {
         }
     }
 
-    fn url(&self, map: &str, rest: &[&str]) -> Url {
+    pub(super) fn url(&self, map: &str, rest: &[&str]) -> Url {
         self.path(&[&["v1", "maps", map], rest].concat())
     }
 
-    fn path(&self, segments: &[&str]) -> Url {
+    pub(super) fn path(&self, segments: &[&str]) -> Url {
         let mut url = self.base.clone();
         url.path_segments_mut().expect("an http address has a path").extend(segments);
         url
@@ -314,7 +272,10 @@ impl HttpClient {
         self.bytes(self.client.get(link).header(header::ACCEPT, accept)).await
     }
 
-    async fn json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, HttpError> {
+    pub(super) async fn json<T: DeserializeOwned>(
+        &self,
+        request: RequestBuilder,
+    ) -> Result<T, HttpError> {
         let bytes = self.bytes(request).await?;
         serde_json::from_slice(&bytes).map_err(|error| self.broken(error.to_string()))
     }
@@ -325,7 +286,7 @@ impl HttpClient {
     }
 
     /// Sends a request; again and again while the map that it needs is being loaded.
-    async fn send(&self, mut request: RequestBuilder) -> Result<Response, HttpError> {
+    pub(super) async fn send(&self, mut request: RequestBuilder) -> Result<Response, HttpError> {
         let began = Instant::now();
         loop {
             let again = request.try_clone();
@@ -345,7 +306,7 @@ impl HttpClient {
         }
     }
 
-    fn lost(&self, error: &reqwest::Error) -> HttpError {
+    pub(super) fn lost(&self, error: &reqwest::Error) -> HttpError {
         let (address, reason) = (self.address(), innermost(error));
         match self.base.scheme() {
             _ if !error.is_connect() => self.broken(reason.to_string()),

@@ -4,9 +4,9 @@ mod client;
 mod connect;
 mod error;
 mod links;
+mod manage;
 mod map_file;
 mod project;
-mod settle;
 
 pub use client::HttpClient;
 pub use error::HttpError;

@@ -173,6 +173,13 @@ impl Mapping for StandIn {
         Err(Status::unimplemented("list_maps"))
     }
 
+    async fn rename_map(
+        &self,
+        _: Request<v1::RenameMapRequest>,
+    ) -> Result<Response<v1::RenameMapResponse>, Status> {
+        Err(Status::unimplemented("rename_map"))
+    }
+
     async fn delete_map(
         &self,
         _: Request<v1::DeleteMapRequest>,

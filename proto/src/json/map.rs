@@ -119,20 +119,26 @@ pub struct InputWarning {
     pub message: String,
 }
 
-/// All maps, sorted by name.
+/// Maps, sorted by name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Maps {
     pub maps: Vec<Status>,
+    /// `after` of the next page; absent on the last one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next: Option<String>,
 }
 
-/// The keyframes of a map.
+/// Keyframes of a map, the oldest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Frames {
     pub map: String,
     pub revision: u64,
     pub frames: Vec<Keyframe>,
+    /// `after` of the next page; absent on the last one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next: Option<u64>,
 }
 
 /// A keyframe.

@@ -30,6 +30,7 @@ pub struct Question {
     /// Only with `text`: any of heatmap, uncertainty, mask, boxes, points, objects; absent or
     /// empty: all that fit the question.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<OutputName>>))]
     pub outputs: Option<Vec<String>>,
     /// Relevancy above which something counts as found, 0 to 1; absent: the default of the model
     /// bundle, or 0.5 with `texts`.
@@ -72,4 +73,18 @@ pub struct Bounds {
     /// The corner with the largest coordinates.
     #[serde(rename = "max_metres")]
     pub max: [f32; 3],
+}
+
+/// The parts that an answer may have, as the OpenAPI document lists them.
+#[cfg(feature = "schema")]
+#[derive(utoipa::ToSchema)]
+#[schema(rename_all = "snake_case")]
+#[expect(dead_code, reason = "only its names are used")]
+enum OutputName {
+    Heatmap,
+    Uncertainty,
+    Mask,
+    Boxes,
+    Points,
+    Objects,
 }

@@ -179,7 +179,10 @@ fn maps_and_keyframes() {
         r#""keyframe_bytes":10,"tracking_state":"tracking","olae_version":11,"queue_depth":12,"#,
         r#""queue_capacity":13,"settled":true,"refinement":"converged""#
     );
-    assert_json(&Maps { maps: vec![status.clone()] }, &format!(r#"{{"maps":[{json}}}]}}"#));
+    let maps = Maps { maps: vec![status.clone()], next: None };
+    assert_json(&maps, &format!(r#"{{"maps":[{json}}}]}}"#));
+    let maps = Maps { maps: Vec::new(), next: Some("room".into()) };
+    assert_json(&maps, r#"{"maps":[],"next":"room"}"#);
     let failed = Status { failure: Some("full".into()), ..status };
     assert_json(&failed, &format!(r#"{json},"failure":"full"}}"#));
 
@@ -191,7 +194,7 @@ fn maps_and_keyframes() {
         camera: CAMERA,
         has_language: true,
     };
-    let frames = Frames { map: "room".into(), revision: 3, frames: vec![keyframe] };
+    let frames = Frames { map: "room".into(), revision: 3, frames: vec![keyframe], next: None };
     let pose = ["1.0"; 16].join(",");
     let json = format!(
         r#"{{"map":"room","revision":3,"frames":[{{"sequence":7,"timestamp":1.5,"timestamp_nanos":1500000000,"world_from_camera":[{pose}],"camera":{CAMERA_JSON},"has_language":true}}]}}"#

@@ -9,7 +9,7 @@ use super::scope::Scope;
 /// What a call asks of its caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Need {
-    /// Nothing: the dashboard's files, and logging in.
+    /// Nothing: the files of pages, and logging in.
     Nothing,
     /// To be known, unless the settings open it to everybody.
     Known(Public),
@@ -24,6 +24,8 @@ pub(crate) enum Need {
 pub(crate) const HTTP: &[(&str, &str, Need)] = &[
     ("GET", "/", Need::Nothing),
     ("GET", "/dashboard/*", Need::Nothing),
+    ("GET", "/docs", Need::Nothing),
+    ("GET", "/docs/*", Need::Nothing),
     ("POST", "/v1/session", Need::Nothing),
     ("DELETE", "/v1/session", Need::Nothing),
     ("GET", "/healthz", Need::Known(Public::Healthz)),
@@ -33,6 +35,7 @@ pub(crate) const HTTP: &[(&str, &str, Need)] = &[
     ("GET", "/v1/maps", Need::Scope(Scope::Read)),
     ("POST", "/v1/maps", Need::Scope(Scope::Write)),
     ("GET", "/v1/maps/{name}", Need::Scope(Scope::Read)),
+    ("PATCH", "/v1/maps/{name}", Need::Scope(Scope::Admin)),
     ("DELETE", "/v1/maps/{name}", Need::Scope(Scope::Admin)),
     ("POST", "/v1/maps/{name}/query", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/queries/{query_id}/heatmap", Need::Scope(Scope::Read)),
@@ -57,6 +60,7 @@ pub(crate) const GRPC: &[(&str, Need)] = &[
     ("/lexsplat.v1.Mapping/CreateMap", Need::Scope(Scope::Write)),
     ("/lexsplat.v1.Mapping/GetMap", Need::Scope(Scope::Read)),
     ("/lexsplat.v1.Mapping/ListMaps", Need::Scope(Scope::Read)),
+    ("/lexsplat.v1.Mapping/RenameMap", Need::Scope(Scope::Admin)),
     ("/lexsplat.v1.Mapping/DeleteMap", Need::Scope(Scope::Admin)),
     ("/lexsplat.v1.Mapping/ExportMap", Need::Scope(Scope::Read)),
     ("/grpc.health.v1.Health/*", Need::Known(Public::Healthz)),

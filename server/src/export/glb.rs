@@ -16,6 +16,8 @@ const MAGIC: u32 = 0x4654_6c67;
 const VERSION: u32 = 2;
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BINARY_CHUNK: u32 = 0x004e_4942;
+/// What a view of the buffer is for: attributes of vertices.
+const ARRAY_BUFFER: u32 = 34962;
 /// Component type of glTF.
 const UNSIGNED_BYTE: u32 = 5121;
 /// Component type of glTF.
@@ -117,7 +119,7 @@ impl Buffer {
     /// multiple of four bytes.
     fn accessor(&mut self, bytes: Vec<u8>, mut accessor: Value) -> usize {
         self.views
-            .push(json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()}));
+            .push(json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len(), "target": ARRAY_BUFFER}));
         accessor["bufferView"] = json!(self.views.len() - 1);
         self.accessors.push(accessor);
         self.bytes.extend(bytes);

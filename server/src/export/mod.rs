@@ -31,6 +31,7 @@ use crate::pipeline::snapshot::MapSnapshot;
 use nalgebra::Vector3;
 use std::str::FromStr;
 use std::sync::Arc;
+pub(crate) use trajectory_json::TrajectoryEntry;
 use trajectory_json::trajectory_json;
 use upright::{turn, turned};
 

@@ -3,9 +3,11 @@
 use crate::pipeline::frame::TrackedFrame;
 use nalgebra::SMatrix;
 use serde::Serialize;
+use utoipa::ToSchema;
 
-#[derive(Serialize)]
-struct Entry {
+/// A tracked frame.
+#[derive(Serialize, ToSchema)]
+pub(crate) struct TrajectoryEntry {
     sequence: u64,
     timestamp_nanos: u64,
     /// Row-major 4x4, metres.
@@ -17,13 +19,13 @@ struct Entry {
 
 /// One object for each tracked frame. Poses that were given have no covariance.
 pub(super) fn trajectory_json(frames: &[TrackedFrame]) -> Vec<u8> {
-    let entry = |frame: &TrackedFrame| Entry {
+    let entry = |frame: &TrackedFrame| TrajectoryEntry {
         sequence: frame.sequence,
         timestamp_nanos: frame.timestamp_nanos,
         world_from_camera: row_major(&frame.world_from_camera.to_homogeneous()),
         pose_covariance: frame.world_covariance().as_ref().map(row_major),
     };
-    let entries: Vec<Entry> = frames.iter().map(entry).collect();
+    let entries: Vec<TrajectoryEntry> = frames.iter().map(entry).collect();
     serde_json::to_vec_pretty(&entries).expect("numbers are JSON")
 }
 

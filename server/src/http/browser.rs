@@ -70,8 +70,11 @@ impl Browsers {
         match self.is_origin_of(origin.to_str().unwrap_or_default(), host) {
             true => Ok(()),
             false => {
-                let detail =
-                    "this page may not use the server: add its origin to http.cors_origins";
+                let detail = format!(
+                    "a page of {origin:?} may not use the server, which was called {:?}: let the proxy \
+                     between them pass the header Host on, or add the page's origin to http.cors_origins",
+                    host.as_str()
+                );
                 Err(Problem::new(StatusCode::FORBIDDEN, detail).at("origin"))
             }
         }

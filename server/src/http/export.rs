@@ -8,13 +8,16 @@ use super::reading::{self, WaitOptions};
 use super::schema::Binary;
 use super::state::State;
 use crate::check;
-use crate::export::{self, Format};
+use crate::export::{self, Format, TrajectoryEntry};
 use axum::http::HeaderMap;
 use axum::response::{IntoResponse as _, Response};
 use lexsplat_proto::json;
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
+use utoipa::openapi::schema::{Schema, Type};
+use utoipa::openapi::{ObjectBuilder, RefOr};
+use utoipa::{PartialSchema, ToSchema};
 
 /// The whole query string: the options of the file, and those of waiting.
 #[derive(Debug, Default, Deserialize)]
@@ -35,17 +38,34 @@ impl AllOptions {
     }
 }
 
+/// The names of files, for the OpenAPI document.
+enum FileName {}
+
+impl PartialSchema for FileName {
+    fn schema() -> RefOr<Schema> {
+        let names = Format::ALL.map(Format::name);
+        ObjectBuilder::new().schema_type(Type::String).enum_values(Some(names)).into()
+    }
+}
+
+impl ToSchema for FileName {}
+
 /// The map as a file.
 #[utoipa::path(
     get, path = "/v1/maps/{name}/export/{file}", operation_id = "export_map", tag = "maps",
     params(
         ("name" = String, Path),
-        ("file" = String, Path, description = "splats.ply, splats.splat, splats.spz, splats.glb, language.npz, points.ply, mesh.ply, trajectory.tum or trajectory.json"),
+        ("file" = inline(FileName), Path, description = "the kind of file"),
         ExportOptions,
         WaitOptions,
     ),
     responses(
-        (status = 200, description = "the whole file", body = inline(Binary), content_type = "application/octet-stream"),
+        (status = 200, description = "the whole file", content(
+            (inline(Binary) = "application/octet-stream"),
+            (inline(Binary) = "model/gltf-binary"),
+            (String = "text/plain"),
+            (Vec<TrajectoryEntry> = "application/json"),
+        )),
         (status = 206, description = "the part that Range asks for", body = inline(Binary), content_type = "application/octet-stream"),
         (status = 304, description = "the file still has the entity tag in If-None-Match"),
         (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),

@@ -8,7 +8,9 @@ use crate::pipeline::query::Client;
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -75,7 +77,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Options<T> {
 /// A JSON body.
 pub(super) struct Body<T>(pub(super) T);
 
-impl<T: DeserializeOwned> FromRequest<Arc<Shared>> for Body<T> {
+impl<T: DeserializeOwned + Serialize> FromRequest<Arc<Shared>> for Body<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
@@ -109,11 +111,33 @@ pub(super) fn expect_type(headers: &HeaderMap, expected: &str) -> Result<(), Pro
 }
 
 /// Parses JSON. The problem has the line, the column and the field.
-fn json<T: DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+fn json<T: DeserializeOwned + Serialize>(body: &[u8]) -> Result<T, Problem> {
     let mut deserializer = serde_json::Deserializer::from_slice(body);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(unreadable)?;
     deserializer.end().map_err(|error| Problem::bad_request(error.to_string()))?;
-    Ok(value)
+    // serde also takes the fields of an object as a list.
+    let given = serde_json::from_slice(body).unwrap_or_default();
+    let read = serde_json::to_value(&value).unwrap_or_default();
+    match list_for_object(&given, &read) {
+        None => Ok(value),
+        Some(path) => {
+            let problem = Problem::bad_request("expected an object, found a list");
+            let field = path.join(".");
+            Err(if field.is_empty() { problem } else { problem.at(field) })
+        }
+    }
+}
+
+/// Path of a list that was read as an object; `None` if there is none.
+fn list_for_object<'a>(given: &'a Value, read: &Value) -> Option<Vec<&'a str>> {
+    match (given, read) {
+        (Value::Array(_), Value::Object(_)) => Some(Vec::new()),
+        (Value::Object(given), Value::Object(read)) => given.iter().find_map(|(name, given)| {
+            let below = list_for_object(given, read.get(name)?)?;
+            Some([vec![name.as_str()], below].concat())
+        }),
+        _ => None,
+    }
 }
 
 /// A problem with the path of the field that could not be read.
@@ -149,18 +173,16 @@ mod tests {
     use axum::http::HeaderValue;
     use serde::Deserialize;
 
-    #[derive(Debug, Deserialize)]
+    #[derive(Debug, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Inner {
-        #[serde(rename = "frame")]
-        _frame: u64,
+        frame: u64,
     }
 
-    #[derive(Debug, Deserialize)]
+    #[derive(Debug, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Outer {
-        #[serde(rename = "view")]
-        _view: Inner,
+        view: Inner,
     }
 
     fn problem(text: &'static str) -> serde_json::Value {
@@ -184,6 +206,8 @@ mod tests {
         assert_eq!(problem("{\"vew\": 3}")["field"], "vew");
         assert_eq!(problem("{}")["field"], "view");
         assert_eq!(problem("{\"view\": {}}")["field"], "view.frame");
+        assert_eq!(problem("{\"view\": [3]}")["field"], "view");
+        assert_eq!(problem("[{\"frame\": 3}]")["detail"], "expected an object, found a list");
     }
 
     #[test]

@@ -6,11 +6,40 @@ use super::reading::{self, WaitOptions};
 use super::state::State;
 use super::to_json::{keyframe, listed, status};
 use crate::access::Caller;
+use crate::check::Page;
 use crate::export;
+use crate::maps::{self, MapsError, RenameError};
+use crate::pipeline::map::MapError;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use axum::{Extension, Json};
 use lexsplat_proto::json::{self, Frames, Maps, NewMap, Status};
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+/// A page of maps.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct PageOfMaps {
+    /// Number of maps in the answer; all if absent.
+    #[param(minimum = 1)]
+    limit: Option<u32>,
+    /// Only maps whose names come after this one: `next` of the page before.
+    after: Option<String>,
+}
+
+/// A page of keyframes.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct PageOfFrames {
+    /// Number of keyframes in the answer; all if absent.
+    #[param(minimum = 1)]
+    limit: Option<u32>,
+    /// Only keyframes with larger sequence numbers: `next` of the page before.
+    after: Option<u64>,
+}
 
 /// Creates a map.
 #[utoipa::path(
@@ -35,10 +64,22 @@ pub(super) async fn create(
 }
 
 /// Lists the maps that the caller may use.
-#[utoipa::path(get, path = "/v1/maps", operation_id = "list_maps", tag = "maps", responses((status = 200, body = Maps)))]
-pub(super) async fn list(state: State, Extension(caller): Extension<Caller>) -> Json<Maps> {
+#[utoipa::path(
+    get, path = "/v1/maps", operation_id = "list_maps", tag = "maps", params(PageOfMaps),
+    responses(
+        (status = 200, body = Maps),
+        (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn list(
+    state: State,
+    Extension(caller): Extension<Caller>,
+    Options(PageOfMaps { limit, after }): Options<PageOfMaps>,
+) -> Result<Json<Maps>, Problem> {
+    let page = Page::new(limit, after)?;
     let seen = state.maps.list().into_iter().filter(|map| caller.sees(map.name()));
-    Json(Maps { maps: seen.map(listed).collect() })
+    let (maps, next) = page.of(seen, |map| map.name().to_owned());
+    Ok(Json(Maps { maps: maps.into_iter().map(listed).collect(), next }))
 }
 
 /// The status of a map.
@@ -51,6 +92,41 @@ pub(super) async fn list(state: State, Extension(caller): Extension<Caller>) -> 
 )]
 pub(super) async fn show(NamedMap(map): NamedMap) -> Json<Status> {
     Json(status(map.status()))
+}
+
+/// Renames a map. It is saved and loaded again, so its status is that of a map that is being loaded.
+#[utoipa::path(
+    patch, path = "/v1/maps/{name}", operation_id = "rename_map", tag = "maps", params(("name" = String, Path)),
+    request_body = NewMap,
+    responses(
+        (status = 200, body = Status),
+        (status = 400, description = "the new name is invalid", body = json::Problem, content_type = "application/problem+json"),
+        (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
+        (status = 409, description = "the new name is taken, somebody sends frames, or nothing is recorded", body = json::Problem, content_type = "application/problem+json"),
+    ),
+)]
+pub(super) async fn rename(
+    state: State,
+    Extension(caller): Extension<Caller>,
+    segments: Segments,
+    Body(NewMap { name: to }): Body<NewMap>,
+) -> Result<Json<Status>, Problem> {
+    caller.may_use(&to).map_err(|error| Problem::from(error).at("name"))?;
+    maps::rename(&state.maps, segments.get("name"), &to).await?;
+    let renamed = state.maps.list().into_iter().find(|map| map.name() == to);
+    // Somebody may have deleted it at once.
+    renamed
+        .map(|map| Json(listed(map)))
+        .ok_or_else(|| MapsError::from(MapError::NotFound { name: to }).into())
+}
+
+impl From<RenameError> for Problem {
+    fn from(error: RenameError) -> Self {
+        match error {
+            RenameError::Maps(error) => error.into(),
+            RenameError::NotRecorded => Self::new(StatusCode::CONFLICT, error.to_string()),
+        }
+    }
 }
 
 /// Deletes a map.
@@ -74,19 +150,23 @@ pub(super) async fn delete(
 
 /// The keyframes of a map.
 #[utoipa::path(
-    get, path = "/v1/maps/{name}/frames", operation_id = "list_frames", tag = "maps", params(("name" = String, Path)),
+    get, path = "/v1/maps/{name}/frames", operation_id = "list_frames", tag = "maps",
+    params(("name" = String, Path), PageOfFrames),
     responses(
         (status = 200, body = Frames),
+        (status = 400, description = "an option is wrong", body = json::Problem, content_type = "application/problem+json"),
         (status = 404, description = "no such map", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
-pub(super) async fn frames(NamedMap(map): NamedMap) -> Json<Frames> {
+pub(super) async fn frames(
+    NamedMap(map): NamedMap,
+    Options(PageOfFrames { limit, after }): Options<PageOfFrames>,
+) -> Result<Json<Frames>, Problem> {
+    let page = Page::new(limit, after)?;
     let snapshot = map.snapshot().await;
-    Json(Frames {
-        map: map.name().into(),
-        revision: snapshot.revision,
-        frames: snapshot.keyframes.iter().map(keyframe).collect(),
-    })
+    let (frames, next) = page.of(&*snapshot.keyframes, |info| info.frame.sequence);
+    let frames = frames.into_iter().map(keyframe).collect();
+    Ok(Json(Frames { map: map.name().into(), revision: snapshot.revision, frames, next }))
 }
 
 /// The poses of all tracked frames as TUM text: `timestamp tx ty tz qx qy qz qw`, camera-to-world.

@@ -24,6 +24,7 @@ use utoipa::{Modify, OpenApi};
         map::list,
         map::create,
         map::show,
+        map::rename,
         map::delete,
         map::frames,
         map::trajectory,

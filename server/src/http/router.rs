@@ -64,7 +64,7 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/openapi.json", get(openapi::document))
         .route("/v1/session", post(session::log_in).delete(session::log_out))
         .route("/v1/maps", get(map::list).post(map::create))
-        .route("/v1/maps/{name}", get(map::show).delete(map::delete))
+        .route("/v1/maps/{name}", get(map::show).patch(map::rename).delete(map::delete))
         .route("/v1/maps/{name}/query", post(query::ask))
         .route("/v1/maps/{name}/queries/{query_id}/heatmap", get(answers::heatmap))
         .route("/v1/maps/{name}/queries/{query_id}/uncertainty", get(answers::uncertainty))
@@ -120,7 +120,7 @@ fn cors(origins: &[String]) -> Option<CorsLayer> {
     Some(
         CorsLayer::new()
             .allow_origin(allowed)
-            .allow_methods([Method::GET, Method::POST, Method::DELETE])
+            .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
             .allow_headers([
                 header::AUTHORIZATION,
                 header::CONTENT_TYPE,

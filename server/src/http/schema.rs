@@ -34,6 +34,7 @@ impl Modify for SharedErrors {
                 ("GET", &mut item.get),
                 ("PUT", &mut item.put),
                 ("POST", &mut item.post),
+                ("PATCH", &mut item.patch),
                 ("DELETE", &mut item.delete),
             ] {
                 if let Some(operation) = operation {

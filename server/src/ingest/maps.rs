@@ -5,7 +5,7 @@ use super::context::Context;
 use super::status;
 use crate::check;
 use crate::export::{self, Format};
-use crate::maps::Listed;
+use crate::maps::{Listed, RenameError, rename as rename_map};
 use crate::pipeline::input_warning::{InputProblem, InputWarning};
 use crate::pipeline::map::{MapStatus, Reading};
 use crate::pipeline::query::Client;
@@ -17,6 +17,13 @@ use tonic::{Response, Status};
 pub(super) async fn create(context: &Context, name: &str) -> Result<v1::MapStatus, Status> {
     let map = context.maps.create(name).await.map_err(|error| status::of_maps(&error, "name"))?;
     Ok(wire_status(map.status()))
+}
+
+pub(super) async fn rename(context: &Context, name: &str, to: &str) -> Result<(), Status> {
+    rename_map(&context.maps, name, to).await.map_err(|error| match error {
+        RenameError::Maps(error) => status::of_maps(&error, "new_name"),
+        RenameError::NotRecorded => Status::failed_precondition(error.to_string()),
+    })
 }
 
 pub(super) async fn delete(context: &Context, name: &str) -> Result<(), Status> {

@@ -7,6 +7,7 @@ use super::guard::{caller, guard, permit};
 use super::unfinished::Unfinished;
 use super::{maps, query, status, stream};
 use crate::access::{Gate, client_name};
+use crate::check::Page;
 use crate::maps::RecordedMaps;
 use crate::pipeline::query::Client;
 use axum::Router;
@@ -145,9 +146,24 @@ impl Mapping for MappingService {
         request: Request<v1::ListMapsRequest>,
     ) -> Result<Response<v1::ListMapsResponse>, Status> {
         let caller = caller(&request)?;
+        let v1::ListMapsRequest { limit, after } = request.into_inner();
+        let page = Page::new(limit, after).map_err(|refusal| status::refused(&refusal))?;
         let seen = self.0.maps.list().into_iter().filter(|map| caller.sees(map.name()));
-        let maps = seen.map(maps::wire_listed).collect();
-        Ok(Response::new(v1::ListMapsResponse { maps }))
+        let (maps, next) = page.of(seen, |map| map.name().to_owned());
+        let maps = maps.into_iter().map(maps::wire_listed).collect();
+        Ok(Response::new(v1::ListMapsResponse { maps, next }))
+    }
+
+    async fn rename_map(
+        &self,
+        request: Request<v1::RenameMapRequest>,
+    ) -> Result<Response<v1::RenameMapResponse>, Status> {
+        let caller = caller(&request)?;
+        permit(&caller, &request.get_ref().name, "name")?;
+        permit(&caller, &request.get_ref().new_name, "new_name")?;
+        let v1::RenameMapRequest { name, new_name } = request.into_inner();
+        maps::rename(&self.0, &name, &new_name).await?;
+        Ok(Response::new(v1::RenameMapResponse {}))
     }
 
     async fn delete_map(

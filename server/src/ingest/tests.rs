@@ -288,8 +288,15 @@ async fn maps_and_questions_work_over_grpc() {
     assert_eq!(client.create_map(request).await.unwrap_err().code(), Code::AlreadyExists);
     let nowhere = v1::GetMapRequest { name: "nowhere".into() };
     assert_eq!(client.get_map(nowhere).await.unwrap_err().code(), Code::NotFound);
-    let listed = client.list_maps(v1::ListMapsRequest {}).await.unwrap().into_inner();
+    let listed = client.list_maps(v1::ListMapsRequest::default()).await.unwrap().into_inner();
     assert!(listed.maps.iter().any(|map| map.name == name));
+    assert_eq!(listed.next, None);
+    let before = v1::ListMapsRequest { limit: Some(1), after: Some("ingest-call".into()) };
+    let page = client.list_maps(before).await.unwrap().into_inner();
+    assert_eq!(page.maps[0].name, name);
+    assert!(page.next.is_none_or(|next| next == name));
+    let none = v1::ListMapsRequest { limit: Some(0), after: None };
+    assert_eq!(client.list_maps(none).await.unwrap_err().code(), Code::InvalidArgument);
     let question = v1::QueryRequest { map: name.clone(), text: "cup".into(), ..Default::default() };
     assert!(!client.query(question.clone()).await.unwrap().into_inner().present);
     let several = v1::QueryRequest {

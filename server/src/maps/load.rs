@@ -101,6 +101,10 @@ async fn rebuild(
     let restored = restore(maps, name, load).await?;
     let mut replay = Replay::new(maps.engine(), limits, load, restored.map.as_deref());
     let replayed = replay.run(name, records).await?;
+    // A map may be empty.
+    let (engine, map) = (maps.engine().clone(), name.to_owned());
+    let opened = blocking(move || engine.open(&map).map(drop)).await?;
+    opened.map_err(|error| error.to_string())?;
     let is_saved = restored.map.is_some() && replayed.frames == 0;
     let words = restored.words.into_iter().chain(replayed.words).collect();
     Ok(Replayed { words, is_saved, ..replayed })

@@ -10,6 +10,7 @@ mod load;
 mod places;
 mod progress;
 mod recorded;
+mod rename;
 mod replay;
 mod room;
 mod save;
@@ -21,6 +22,7 @@ pub(crate) use load::keep_loading;
 pub(crate) use load::load_all;
 pub(crate) use progress::LoadProgress;
 pub(crate) use recorded::{Listed, RecordedMaps, Recording};
+pub(crate) use rename::{RenameError, rename};
 pub(crate) use room::watch_room;
 pub(crate) use save::{save_all, save_every};
 

@@ -91,7 +91,7 @@ impl RecordedMaps {
         &self.store
     }
 
-    pub(super) fn places(&self) -> &Places {
+    pub(super) fn places(&self) -> &Arc<Places> {
         &self.places
     }
 
@@ -109,11 +109,20 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapError::AlreadyExists`], [`MapError::TooMany`].
     pub(super) fn reserve(&self, name: &str) -> Result<Reserved, MapsError> {
+        let reserved = self.reserve_renamed(name)?;
+        self.expect_place(name)?;
+        Ok(reserved)
+    }
+
+    /// The same for a map that is there already, under another name.
+    ///
+    /// # Errors
+    /// [`MapError::AlreadyExists`].
+    pub(super) fn reserve_renamed(&self, name: &str) -> Result<Reserved, MapsError> {
         let reserved = self.places.reserve(name)?;
         if self.engine.map(name).is_ok() || self.store.has(name) {
             return Err(MapError::AlreadyExists { name: name.to_owned() }.into());
         }
-        self.expect_place(name)?;
         Ok(reserved)
     }
 
@@ -176,6 +185,11 @@ impl RecordedMaps {
 
     pub(super) fn note_saved(&self, name: &str, state: State) {
         self.saved().insert(name.to_owned(), state);
+    }
+
+    /// Forgets what was saved of a map.
+    pub(super) fn note_gone(&self, name: &str) {
+        self.saved().remove(name);
     }
 
     /// Whether the data directory has the map's frames.
@@ -246,12 +260,18 @@ impl RecordedMaps {
     /// Creates an empty map.
     ///
     /// # Errors
-    /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps.
+    /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps; [`MapsError::Store`] if
+    /// the data directory cannot keep it.
     pub(crate) async fn create(&self, name: &str) -> Result<Arc<Map>, MapsError> {
         self.places.expect_loaded(name)?;
         self.expect_place_for_new(name)?;
-        let name = name.to_owned();
-        self.blocking(move |engine| engine.create(&name)).await
+        let new = name.to_owned();
+        let map = self.blocking(move |engine| engine.create(&new)).await?;
+        if let Err(error) = self.store.keep(name).await {
+            self.engine.delete(name).await?;
+            return Err(error.into());
+        }
+        Ok(map)
     }
 
     /// Deletes a map and its recording, to the end even if the caller is gone.
@@ -277,7 +297,7 @@ impl RecordedMaps {
             }
         }
         self.places.remove(name);
-        self.saved().remove(name);
+        self.note_gone(name);
         Ok(self.store.forget(name).await?)
     }
 

@@ -94,6 +94,88 @@ async fn a_map_is_deleted_to_the_end_when_the_caller_is_gone() {
 }
 
 #[tokio::test]
+async fn an_empty_map_is_there_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = maps(folder.path());
+    first.create("maps-empty").await.unwrap();
+    rename(&first, "maps-empty", "maps-bare").await.unwrap();
+    load_all(&first, &config().ingest.limits()).await.unwrap();
+    // All tests share the engine.
+    engine().delete("maps-bare").await.unwrap();
+    drop(first);
+    let second = maps(folder.path());
+    load_all(&second, &config().ingest.limits()).await.unwrap();
+    assert_eq!(second.get("maps-bare").unwrap().status().frames_received, 0);
+    assert!(second.get("maps-empty").is_err());
+    assert!(second.warnings().is_empty(), "{:?}", second.warnings());
+    second.delete("maps-bare").await.unwrap();
+    assert!(!folder.path().join("maps-bare.map").exists());
+}
+
+#[tokio::test]
+async fn a_renamed_map_is_the_same_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    let limits = config().ingest.limits();
+    record(&maps, &open_message("maps-old"), 0..3).await;
+    record(&maps, &open_message("maps-taken"), 0..1).await;
+    load_all(&maps, &limits).await.unwrap();
+    let poses = |map: &str| {
+        let map = maps.get(map).unwrap();
+        async move {
+            let snapshot = map.snapshot().await;
+            let poses = snapshot.trajectory.iter();
+            poses.map(|frame| (frame.sequence, frame.world_from_camera)).collect::<Vec<_>>()
+        }
+    };
+    let before = poses("maps-old").await;
+
+    // What cannot be renamed stays as it is.
+    for (to, why) in [("maps-taken", "there already"), ("a/b", "name")] {
+        let refused = rename(&maps, "maps-old", to).await.unwrap_err().to_string();
+        assert!(refused.contains(why), "{refused}");
+    }
+    let sender = maps.get("maps-old").unwrap().claim().unwrap();
+    let refused = rename(&maps, "maps-old", "maps-new").await.unwrap_err();
+    assert!(matches!(refused, RenameError::Maps(MapsError::Map(MapError::Busy { .. }))));
+    drop(sender);
+    assert!(maps.get("maps-new").is_err(), "the name is free again");
+    assert_eq!(poses("maps-old").await, before);
+
+    rename(&maps, "maps-old", "maps-new").await.unwrap();
+    let gone = maps.get("maps-old");
+    assert!(matches!(gone, Err(MapsError::Map(MapError::NotFound { .. }))));
+    assert!(!folder.path().join("maps-old.map").exists());
+    assert!(matches!(maps.get("maps-new"), Err(MapsError::Loading { .. })));
+    load_all(&maps, &limits).await.unwrap();
+    assert_eq!(poses("maps-new").await, before);
+    // Frames go on under the new name, and the old one is free.
+    let recording = maps.open(&open_message("maps-new")).await.unwrap();
+    recording.record(frame(3)).await.unwrap();
+    recording.finish().await;
+    drop(recording);
+    maps.create("maps-old").await.unwrap();
+    for map in ["maps-old", "maps-new", "maps-taken"] {
+        maps.delete(map).await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_map_whose_folder_cannot_be_renamed_keeps_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = maps(folder.path());
+    record(&maps, &open_message("maps-stays"), 0..2).await;
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
+    // A file of the new name is no map, and no folder can take its place.
+    std::fs::write(folder.path().join("maps-never.map"), "notes").unwrap();
+    rename(&maps, "maps-stays", "maps-never").await.unwrap_err();
+    load_all(&maps, &config().ingest.limits()).await.unwrap();
+    assert_eq!(maps.get("maps-stays").unwrap().status().frames_received, 2);
+    assert!(maps.get("maps-never").is_err());
+    maps.delete("maps-stays").await.unwrap();
+}
+
+#[tokio::test]
 async fn frames_that_are_refused_when_they_are_read_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let maps = maps(folder.path());

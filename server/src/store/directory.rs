@@ -86,6 +86,27 @@ impl Directory {
         self.path.join(format!("{name}{MAP}"))
     }
 
+    /// Makes the folder of a map, if there is none.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn make(&self, name: &str) -> Result<(), StoreError> {
+        let folder = self.map(name);
+        let made =
+            self.disk.create_folder(&folder).and_then(|()| self.disk.sync_folder(&self.path));
+        made.map_err(|reason| StoreError::io("create", &folder, reason))
+    }
+
+    /// Renames the folder of a map; none may have the new name.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(super) fn rename(&self, name: &str, to: &str) -> Result<(), StoreError> {
+        let (from, to) = (self.map(name), self.map(to));
+        let renamed = self.disk.rename(&from, &to).and_then(|()| self.disk.sync_folder(&self.path));
+        renamed.map_err(|reason| StoreError::io("rename", &from, reason))
+    }
+
     /// Removes the folder of a map, if there is one.
     ///
     /// # Errors

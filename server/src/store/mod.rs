@@ -109,6 +109,17 @@ impl Store {
         made.await.expect("making a folder does not panic").map(Some)
     }
 
+    /// Makes the folder of a map without frames, so that the map is there after a restart.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) async fn keep(&self, map: &str) -> Result<(), StoreError> {
+        let Some(directory) = self.directory.clone() else { return Ok(()) };
+        let map = map.to_owned();
+        let made = tokio::task::spawn_blocking(move || directory.make(&map));
+        made.await.expect("making a folder does not panic")
+    }
+
     /// Removes the map's recording, if there is one.
     ///
     /// # Errors
@@ -128,6 +139,24 @@ impl Store {
             Ok(())
         });
         removed.await.expect("removing a folder does not panic")
+    }
+
+    /// Renames the folder of a map, as a whole or not at all. No map may have the new name, and nobody may
+    /// send frames to this one.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub(crate) async fn rename(&self, map: &str, to: &str) -> Result<(), StoreError> {
+        let Some(directory) = self.directory.clone() else { return Ok(()) };
+        let (map, to) = (map.to_owned(), to.to_owned());
+        let (room, lives) = (self.room.clone(), self.lives.clone());
+        let renamed = tokio::task::spawn_blocking(move || {
+            lives.lock().unwrap_or_else(PoisonError::into_inner).remove(&map);
+            directory.rename(&map, &to)?;
+            room.iter().for_each(|room| room.forget(&map));
+            Ok(())
+        });
+        renamed.await.expect("renaming a folder does not panic")
     }
 
     /// The names of all maps with a recording, sorted.

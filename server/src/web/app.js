@@ -7,9 +7,11 @@ import { ask, forget } from './questions.js';
 import { api, json } from './server.js';
 import { openSpace, refreshPath, showSpace } from './space.js';
 import { refreshSplats } from './splats.js';
+import { listenForManaging } from './manage.js';
 import { $, state } from './state.js';
 import { drawStatus, refreshStatus } from './status.js';
 import { listenForLogin } from './session.js';
+import { clearTimeline, drawTimeline, keyframeAt, refreshTimeline } from './timeline.js';
 import { drawHeat, drawPicture, drawPlanNow } from './view.js';
 
 const LIST_MILLIS = 4000;
@@ -46,6 +48,7 @@ function open(name) {
   for (const id of ['strip', 'status']) $(id).replaceChildren();
   for (const id of ['picture', 'plan']) $(id).getContext('2d').clearRect(0, 0, 9999, 9999);
   $('caption').textContent = '';
+  clearTimeline();
   $('warnings').hidden = true;
   show(null);
   follow(!isWanted || wanted.frame === null);
@@ -61,9 +64,10 @@ function open(name) {
   events.onerror = () => live(false);
   events.addEventListener('status', (event) => drawStatus(JSON.parse(event.data)));
   for (const kind of ['frame', 'input_warning', 'refinement']) events.addEventListener(kind, () => refreshStatus());
-  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); redraw(); refreshSplats(); refreshPath(); });
+  events.addEventListener('revision', () => { refreshStatus(); refreshFrames(); refreshTimeline(); redraw(); refreshSplats(); refreshPath(); });
   state.events = events;
   refreshFrames();
+  refreshTimeline();
   if (state.chosen !== null) choose(state.chosen);
 }
 
@@ -82,6 +86,11 @@ $('follow').onchange = () => {
   follow($('follow').checked);
   if (state.follows) { forget(); refreshFrames(); }
 };
+$('timeline').onclick = (event) => {
+  const frame = keyframeAt(event);
+  if (frame) { follow(false); choose(frame.sequence); }
+};
+window.onresize = drawTimeline;
 $('ask').onsubmit = (event) => { event.preventDefault(); ask($('text').value); };
 $('channels').onclick = (event) => {
   const channel = event.target.dataset.channel;
@@ -104,6 +113,7 @@ document.addEventListener('splats', throttled(drawPlanNow, PLAN_MILLIS));
 // Another view is another answer.
 document.addEventListener('chosen', () => {
   remember();
+  drawTimeline();
   if (state.question) ask(state.question);
 });
 // Somebody changed the address.
@@ -123,6 +133,7 @@ $('in3d').disabled = !has3d();
 $('no3d').hidden = has3d();
 showChannel(asked().channel);
 listenForLogin();
+listenForManaging(open, listMaps);
 
 let wasDown = false;
 async function poll() {

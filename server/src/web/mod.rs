@@ -2,6 +2,7 @@
 //!
 //! Its files are compiled into the binary and load nothing from other servers.
 
+mod docs;
 mod file;
 
 use axum::Router;
@@ -14,7 +15,7 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Paths, types and texts of the page's files.
-const FILES: [(&str, &str, &str); 24] = [
+const FILES: [(&str, &str, &str); 26] = [
     ("/", HTML, include_str!("index.html")),
     ("/dashboard/space.css", CSS, include_str!("space.css")),
     ("/dashboard/style.css", CSS, include_str!("style.css")),
@@ -23,6 +24,7 @@ const FILES: [(&str, &str, &str); 24] = [
     ("/dashboard/channels.js", JAVASCRIPT, include_str!("channels.js")),
     ("/dashboard/floor.js", JAVASCRIPT, include_str!("floor.js")),
     ("/dashboard/keyframes.js", JAVASCRIPT, include_str!("keyframes.js")),
+    ("/dashboard/manage.js", JAVASCRIPT, include_str!("manage.js")),
     ("/dashboard/measure.js", JAVASCRIPT, include_str!("measure.js")),
     ("/dashboard/motion.js", JAVASCRIPT, include_str!("motion.js")),
     ("/dashboard/page.js", JAVASCRIPT, include_str!("page.js")),
@@ -38,15 +40,16 @@ const FILES: [(&str, &str, &str); 24] = [
     ("/dashboard/splats.js", JAVASCRIPT, include_str!("splats.js")),
     ("/dashboard/state.js", JAVASCRIPT, include_str!("state.js")),
     ("/dashboard/status.js", JAVASCRIPT, include_str!("status.js")),
+    ("/dashboard/timeline.js", JAVASCRIPT, include_str!("timeline.js")),
     ("/dashboard/view.js", JAVASCRIPT, include_str!("view.js")),
 ];
 /// three.js and Spark in one file; `renderer/build.js` makes it.
 const RENDERER: &str = include_str!("renderer/splat-renderer.js");
 
-/// `/` and the files of the page.
+/// `/` and the files of the page, and `/docs`.
 pub(crate) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let renderer = ("/dashboard/splat-renderer.js", JAVASCRIPT, RENDERER);
-    FILES.into_iter().chain([renderer]).fold(Router::new(), |router, (path, kind, text)| {
+    FILES.into_iter().chain([renderer]).fold(docs::router(), |router, (path, kind, text)| {
         let file = File::new(kind, text);
         router.route(path, get(async move |headers: HeaderMap| file.answer(&headers).await))
     })

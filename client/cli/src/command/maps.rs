@@ -1,4 +1,4 @@
-//! `lexsplat maps`: lists, describes, deletes, saves and restores the maps of a server.
+//! `lexsplat maps`: lists, describes, renames, deletes, saves and restores the maps of a server.
 
 use crate::access::AccessOptions;
 use crate::files::part_of;
@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-/// List, describe, delete, save and restore the maps of a server
+/// List, describe, rename, delete, save and restore the maps of a server
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  lexsplat maps ls\n  lexsplat maps backup kitchen kitchen.tar\n  \
@@ -40,6 +40,13 @@ enum Action {
     Show {
         /// The map
         map: String,
+    },
+    /// Give a map another name
+    Mv {
+        /// The map
+        map: String,
+        /// Its new name; no map may have it
+        name: String,
     },
     /// Delete a map with its recording
     Rm {
@@ -75,6 +82,10 @@ pub async fn run(arguments: &Maps) -> Result<()> {
         }
         Action::Show { map } => {
             say!("{}", serde_json::to_string_pretty(&client.status(map).await?)?)?;
+        }
+        Action::Mv { map, name } => {
+            client.rename(map, name).await?;
+            say!("{map} is {name} now")?;
         }
         Action::Rm { map } => client.delete(map).await?,
         Action::Backup { map, file } => backup(&client, map, file).await?,

@@ -250,6 +250,18 @@ class AsyncMap:
             )
         )
 
+    async def rename(self, name: str) -> AsyncMap:
+        """Gives the map another name; the map of that name. The server saves it and loads it again.
+
+        Raises:
+            LexsplatError: The name is taken or invalid, somebody sends frames, or the server has
+                no data directory.
+        """
+        connection = self._connection
+        request = v1.RenameMapRequest(name=self.name, new_name=name)
+        await connection.call(lambda stub: stub.RenameMap(request, metadata=connection.metadata))
+        return AsyncMap(connection, name)
+
     async def delete(self) -> None:
         """Deletes the map and the recording of its frames."""
         connection, request = self._connection, v1.DeleteMapRequest(name=self.name)

@@ -166,6 +166,11 @@ class Map:
     status = _blocking(AsyncMap.status)
     create = _blocking(AsyncMap.create)
     delete = _blocking(AsyncMap.delete)
+
+    def rename(self, name: str) -> Map:
+        """Gives the map another name; see `AsyncMap.rename`."""
+        return Map(_run(self._inner.rename(name)))
+
     export = _blocking(AsyncMap.export)
     trajectory = _blocking(AsyncMap.trajectory)
     points = _blocking(AsyncMap.points)

@@ -28,6 +28,63 @@ async fn maps_are_made_listed_and_deleted() {
 }
 
 #[tokio::test]
+async fn maps_are_renamed() {
+    let server = Server::start();
+    server.post("/v1/maps", json!({"name": "first"}).to_string()).await;
+    let patch = |map: &str, body: &serde_json::Value| {
+        let request = Request::patch(format!("/v1/maps/{map}"));
+        let request = request.header("content-type", "application/json");
+        request.body(Body::from(body.to_string())).unwrap()
+    };
+    let second = json!({"name": "second"});
+    server.problem(patch("nowhere", &second), 404, "name").await;
+    server.problem(patch("first", &json!({"name": "../x"})), 400, "name").await;
+    let renamed = server.send(patch("first", &second)).await;
+    assert_eq!((renamed.status, &renamed.json()["name"]), (200, &json!("second")));
+    assert_eq!(server.get("/v1/maps/first").await.status, 404);
+    // This server has no data directory, so frames cannot be kept.
+    mapped("kept").await;
+    let refused = server.send(patch("kept", &json!({"name": "other"}))).await;
+    assert_eq!(refused.status, 409);
+    assert!(refused.json()["detail"].as_str().unwrap().contains("--data-dir"));
+    assert_eq!(server.get("/v1/maps/kept").await.json()["frames_received"], 1);
+}
+
+#[tokio::test]
+async fn lists_come_in_pages() {
+    let server = Server::start();
+    for name in ["page-a", "page-b", "page-c"] {
+        server.post("/v1/maps", json!({"name": name}).to_string()).await;
+    }
+    let (mut after, mut seen) = (None, Vec::new());
+    loop {
+        let after_that = after.map(|after| format!("&after={after}")).unwrap_or_default();
+        let page = server.get(&format!("/v1/maps?limit=2{after_that}")).await.json();
+        let maps = page["maps"].as_array().unwrap();
+        assert!(maps.len() <= 2);
+        seen.extend(maps.iter().map(|map| map["name"].as_str().unwrap().to_owned()));
+        let Some(next) = page["next"].as_str() else { break };
+        after = Some(next.to_owned());
+    }
+    let all = server.get("/v1/maps").await.json();
+    let all = all["maps"].as_array().unwrap().iter();
+    let all: Vec<_> = all.map(|map| map["name"].as_str().unwrap().to_owned()).collect();
+    assert_eq!(seen, all);
+    assert!(["page-a", "page-b", "page-c"].iter().all(|name| seen.iter().any(|map| map == name)));
+    mapped("paged").await;
+    let frames = server.get("/v1/maps/paged/frames?limit=1").await.json();
+    assert_eq!(
+        (frames["frames"][0]["sequence"].as_u64(), &frames["next"]),
+        (Some(FRAME), &json!(null))
+    );
+    let rest = server.get(&format!("/v1/maps/paged/frames?after={FRAME}")).await.json();
+    assert_eq!(rest["frames"], json!([]));
+    server.problem_get("/v1/maps?limit=0", 400, "limit").await;
+    server.problem_get("/v1/maps?limit=x", 400, "limit").await;
+    server.problem_get("/v1/maps/paged/frames?after=x", 400, "after").await;
+}
+
+#[tokio::test]
 async fn frames_trajectories_and_files_are_served() {
     let server = Server::start();
     mapped("filed").await;

@@ -277,14 +277,32 @@ class GetMapRequest(_message.Message):
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class ListMapsRequest(_message.Message):
-    __slots__ = ()
-    def __init__(self) -> None: ...
+    __slots__ = ("limit", "after")
+    LIMIT_FIELD_NUMBER: _ClassVar[int]
+    AFTER_FIELD_NUMBER: _ClassVar[int]
+    limit: int
+    after: str
+    def __init__(self, limit: _Optional[int] = ..., after: _Optional[str] = ...) -> None: ...
 
 class ListMapsResponse(_message.Message):
-    __slots__ = ("maps",)
+    __slots__ = ("maps", "next")
     MAPS_FIELD_NUMBER: _ClassVar[int]
+    NEXT_FIELD_NUMBER: _ClassVar[int]
     maps: _containers.RepeatedCompositeFieldContainer[MapStatus]
-    def __init__(self, maps: _Optional[_Iterable[_Union[MapStatus, _Mapping]]] = ...) -> None: ...
+    next: str
+    def __init__(self, maps: _Optional[_Iterable[_Union[MapStatus, _Mapping]]] = ..., next: _Optional[str] = ...) -> None: ...
+
+class RenameMapRequest(_message.Message):
+    __slots__ = ("name", "new_name")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    NEW_NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    new_name: str
+    def __init__(self, name: _Optional[str] = ..., new_name: _Optional[str] = ...) -> None: ...
+
+class RenameMapResponse(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
 
 class DeleteMapRequest(_message.Message):
     __slots__ = ("name",)

@@ -67,6 +67,11 @@ class MappingStub(object):
                 request_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.ListMapsRequest.SerializeToString,
                 response_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.ListMapsResponse.FromString,
                 _registered_method=True)
+        self.RenameMap = channel.unary_unary(
+                '/lexsplat.v1.Mapping/RenameMap',
+                request_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.RenameMapRequest.SerializeToString,
+                response_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.RenameMapResponse.FromString,
+                _registered_method=True)
         self.DeleteMap = channel.unary_unary(
                 '/lexsplat.v1.Mapping/DeleteMap',
                 request_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.DeleteMapRequest.SerializeToString,
@@ -128,6 +133,13 @@ class MappingServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def RenameMap(self, request, context):
+        """Gives a map another name. Nobody may send frames to it. The map is saved and loaded again.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def DeleteMap(self, request, context):
         """Deletes a map and the recording of its frames.
         """
@@ -174,6 +186,11 @@ def add_MappingServicer_to_server(servicer, server):
                     servicer.ListMaps,
                     request_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.ListMapsRequest.FromString,
                     response_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.ListMapsResponse.SerializeToString,
+            ),
+            'RenameMap': grpc.unary_unary_rpc_method_handler(
+                    servicer.RenameMap,
+                    request_deserializer=lexsplat_dot_v1_dot_lexsplat__pb2.RenameMapRequest.FromString,
+                    response_serializer=lexsplat_dot_v1_dot_lexsplat__pb2.RenameMapResponse.SerializeToString,
             ),
             'DeleteMap': grpc.unary_unary_rpc_method_handler(
                     servicer.DeleteMap,
@@ -351,6 +368,33 @@ class Mapping(object):
             '/lexsplat.v1.Mapping/ListMaps',
             lexsplat_dot_v1_dot_lexsplat__pb2.ListMapsRequest.SerializeToString,
             lexsplat_dot_v1_dot_lexsplat__pb2.ListMapsResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def RenameMap(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/lexsplat.v1.Mapping/RenameMap',
+            lexsplat_dot_v1_dot_lexsplat__pb2.RenameMapRequest.SerializeToString,
+            lexsplat_dot_v1_dot_lexsplat__pb2.RenameMapResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -1,9 +1,10 @@
-//! Waiting until a map is settled: no frame waits and its optimisation is done. Or until it has also been
-//! refined.
+//! Maps as a whole: listing, renaming, deleting, saving and restoring them, and waiting until one is settled
+//! (no frame waits and its optimisation is done) or has been refined.
 
 use super::client::HttpClient;
 use super::error::HttpError;
-use lexsplat_proto::json::Status;
+use lexsplat_proto::json::{Maps, NewMap, Restored, Status};
+use reqwest::header;
 use std::time::{Duration, Instant};
 
 /// A map without a new revision for so long has stalled.
@@ -13,6 +14,57 @@ const POLL: Duration = Duration::from_millis(250);
 const CONVERGING_SECONDS: u64 = 10;
 
 impl HttpClient {
+    /// All maps, also those that are being loaded.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn maps(&self) -> Result<Vec<Status>, HttpError> {
+        let maps: Maps = self.json(self.client.get(self.path(&["v1", "maps"]))).await?;
+        Ok(maps.maps)
+    }
+
+    /// Gives a map another name; its status while it is loaded again.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn rename(&self, map: &str, to: &str) -> Result<Status, HttpError> {
+        let name = NewMap { name: to.to_owned() };
+        self.json(self.client.patch(self.url(map, &[])).json(&name)).await
+    }
+
+    /// Deletes a map.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn delete(&self, map: &str) -> Result<(), HttpError> {
+        self.send(self.client.delete(self.url(map, &[]))).await.map(drop)
+    }
+
+    /// The recording and the newest checkpoint of a map as one file, part by part.
+    ///
+    /// # Errors
+    /// See [`Self::status`]; and what `write` returns.
+    pub async fn backup<E: From<HttpError>>(
+        &self,
+        map: &str,
+        mut write: impl FnMut(&[u8]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut response = self.send(self.client.get(self.url(map, &["backup"]))).await?;
+        while let Some(part) = response.chunk().await.map_err(|error| self.lost(&error))? {
+            write(&part)?;
+        }
+        Ok(())
+    }
+
+    /// Puts a backup in place as a map whose name is free.
+    ///
+    /// # Errors
+    /// See [`Self::status`].
+    pub async fn restore(&self, map: &str, backup: tokio::fs::File) -> Result<Restored, HttpError> {
+        let put = self.client.put(self.url(map, &["backup"]));
+        self.json(put.header(header::CONTENT_TYPE, "application/x-tar").body(backup)).await
+    }
+
     /// Waits until the map is settled; calls `on_status` with every status before that.
     ///
     /// # Errors
