@@ -8,6 +8,7 @@ const REFRESH_MILLIS = 2000;
 // Files of a map, and what they are for.
 const FILES = [
   ['export/splats.ply', 'Gaussians (.ply), for splat viewers'],
+  ['export/splats.splat', 'Gaussians (.splat), for web viewers'],
   ['export/splats.spz', 'Gaussians (.spz), compressed'],
   ['export/splats.glb', 'Gaussians (.glb), glTF'],
   ['export/mesh.ply', 'mesh (.ply)'],
