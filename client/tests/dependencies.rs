@@ -8,7 +8,7 @@ use std::process::Command;
 const FORBIDDEN: [&str; 14] = [
     "clap",
     "comfy-table",
-    "font8x8",
+    "dejavu",
     "indicatif",
     "lexsplat-evaluate",
     "lexsplat-gpu",
@@ -50,7 +50,7 @@ fn a_robot_links_no_heavy_crate() {
 #[test]
 fn heavy_crates_are_found_where_they_are() {
     let evaluate = forbidden("lexsplat-evaluate");
-    for name in ["comfy-table", "font8x8", "ort", "plotters", "rand_chacha", "rayon", "rstar"] {
+    for name in ["comfy-table", "dejavu", "ort", "plotters", "rand_chacha", "rayon", "rstar"] {
         assert!(evaluate.contains(&name), "{name} is missing in {evaluate:?}");
     }
     let cli = forbidden("lexsplat-cli");

@@ -192,18 +192,22 @@ AXE = Path(__file__).parents[2] / ".deps/viewers/node_modules/axe-core/axe.min.j
 
 
 def is_accessible(page: Page) -> None:
-    """No rule of axe is broken, with the dialog closed and open."""
+    """No rule of axe is broken: dark and light, with the dialog closed and open."""
     if not AXE.exists():
         print("SKIPPED: axe-core is not there (deploy/setup.sh --tests, which needs npm)")
         return
     page.evaluate(AXE.read_text())
     check = """axe.run().then((report) =>
       report.violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`))"""
-    assert page.evaluate(check) == []
-    page.get_by_role("button", name="Manage maps").click()
-    expect(row(page, "room")).to_be_visible(timeout=TIMEOUT_MS)
-    assert page.evaluate(check) == []
+    for theme in ("dark", "light"):
+        page.emulate_media(color_scheme=theme)
+        assert page.evaluate(check) == [], theme
+        page.get_by_role("button", name="Manage maps").click()
+        expect(row(page, "room")).to_be_visible(timeout=TIMEOUT_MS)
+        assert page.evaluate(check) == [], theme
+        page.get_by_role("button", name="close").click()
     # Negative control: a picture that says nothing.
+    page.get_by_role("button", name="Manage maps").click()
     page.evaluate("document.getElementById('manager').append(document.createElement('img'))")
     assert any("image-alt" in broken for broken in page.evaluate(check))
     page.get_by_role("button", name="close").click()

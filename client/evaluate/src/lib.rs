@@ -11,6 +11,7 @@ mod heatmap;
 mod image_metrics;
 mod labels;
 mod language;
+mod letters;
 mod lpips;
 mod options;
 pub mod overlay;

@@ -1,6 +1,6 @@
 //! Drawing answers on RGB images: relevancy maps, boxes, peaks, captions.
 
-use font8x8::{BASIC_FONTS, UnicodeFonts as _};
+use crate::letters;
 use image::{Rgb, RgbImage, imageops};
 use lexsplat_client::http::PixelBox;
 use lexsplat_client::npy::Array;
@@ -14,9 +14,11 @@ const CLEAR: f32 = 0.6;
 const STRONGEST: f32 = 0.72;
 const BOX_PIXELS: i64 = 2;
 const RING_PIXELS: f32 = 6.0;
-/// Side of a character of the caption, twice the font's.
-const LETTER: u32 = 16;
-const BAND: u32 = LETTER + 8;
+/// Height of the caption's letters, pixels.
+const LETTER: f32 = 16.0;
+const BAND: u32 = 24;
+/// Space beside a caption, pixels.
+const MARGIN: u32 = 8;
 
 const WHITE: Rgb<u8> = Rgb([255, 255, 255]);
 const INK: Rgb<u8> = Rgb([20, 22, 28]);
@@ -95,26 +97,25 @@ pub fn ring(picture: &mut RgbImage, x: f32, y: f32) {
     }
 }
 
-/// The image below a caption on a dark band. Long captions are cut; letters that the font lacks are
-/// left out.
+/// The image below a caption on a dark band. Captions that are too long are cut.
 pub fn captioned(picture: &RgbImage, words: &str) -> RgbImage {
     let mut out = RgbImage::from_pixel(picture.width(), picture.height() + BAND, INK);
     imageops::replace(&mut out, picture, 0, i64::from(BAND));
-    let glyphs = words.chars().filter_map(|letter| BASIC_FONTS.get(letter));
-    for (at, glyph) in glyphs.enumerate() {
-        let left = LETTER / 2 + at as u32 * LETTER;
-        if left + LETTER > out.width() {
-            break;
-        }
-        for y in 0..LETTER {
-            for x in 0..LETTER {
-                if glyph[y as usize / 2] >> (x / 2) & 1 == 1 {
-                    out.put_pixel(left + x, y + (BAND - LETTER) / 2, WHITE);
-                }
-            }
-        }
-    }
+    let room = out.width().saturating_sub(2 * MARGIN);
+    let ends = words.char_indices().map(|(at, letter)| at + letter.len_utf8());
+    let fits = ends.take_while(|end| letters::size(&words[..*end], LETTER).0 <= room).last();
+    let top = (i64::from(BAND) - i64::from(letters::size("", LETTER).1)) / 2;
+    letters::draw(&words[..fits.unwrap_or(0)], LETTER, |x, y, covered| {
+        let (x, y) = (i64::from(x) + i64::from(MARGIN), i64::from(y) + top);
+        put(&mut out, x, y, mixed(INK, WHITE, covered));
+    });
     out
+}
+
+/// A color between two others.
+fn mixed(from: Rgb<u8>, to: Rgb<u8>, share: f32) -> Rgb<u8> {
+    let between = |at: usize| f32::from(from[at]) * (1.0 - share) + f32::from(to[at]) * share;
+    Rgb([0, 1, 2].map(|at| between(at).round() as u8))
 }
 
 /// Two images side by side; the space below the lower one is dark.
@@ -209,15 +210,16 @@ mod tests {
 
     #[test]
     fn captions_are_written_above_and_cut() {
-        let white = |words: &str| {
+        let light = |words: &str| {
             let out = captioned(&grey(40, 10), words);
             assert_eq!(out.dimensions(), (40, 10 + BAND));
             assert_eq!(*out.get_pixel(3, BAND), GREY);
-            out.pixels().filter(|pixel| **pixel == WHITE).count()
+            let band = out.enumerate_pixels().filter(|(_, y, _)| *y < BAND);
+            band.map(|(.., pixel)| u32::from(pixel[0] - INK[0])).sum::<u32>()
         };
-        assert!(white("ab") > white("a"));
-        assert_eq!(white("abc"), white("ab"), "room for two letters");
-        assert_eq!(white(""), 0);
+        assert!(light("ab") > light("a"));
+        assert_eq!(light("abcdef"), light("abcd"), "there is room for few letters");
+        assert_eq!(light(""), 0);
     }
 
     #[test]

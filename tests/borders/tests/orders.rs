@@ -181,6 +181,7 @@ pub const CRATES: &[Declared] = &[
         folder: "client/evaluate/src",
         root: "lib.rs",
         levels: &[
+            &["letters"],
             &[
                 "clouds",
                 "heatmap",

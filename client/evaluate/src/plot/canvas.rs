@@ -1,6 +1,6 @@
-//! A drawing backend for plotters: an RGB image, with an 8x8 bitmap font instead of a font file.
+//! A drawing backend for plotters: an RGB image.
 
-use font8x8::{BASIC_FONTS, UnicodeFonts as _};
+use crate::letters;
 use image::{Rgb, RgbImage};
 use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{
@@ -8,18 +8,10 @@ use plotters_backend::{
 };
 use std::convert::Infallible;
 
-/// Side of the font's letters, pixels.
-const LETTER: i32 = 8;
-
 /// An image to draw on.
 pub(super) struct Canvas<'a>(pub &'a mut RgbImage);
 
 type Done = Result<(), DrawingErrorKind<Infallible>>;
-
-/// Enlargement of the letters for a font size in pixels.
-fn enlarged(size: f64) -> i32 {
-    (size / f64::from(LETTER)).round().max(1.0) as i32
-}
 
 impl DrawingBackend for Canvas<'_> {
     type ErrorType = Infallible;
@@ -56,8 +48,9 @@ impl DrawingBackend for Canvas<'_> {
         style: &S,
         (left, top): BackendCoord,
     ) -> Done {
-        let (scale, color, turn) = (enlarged(style.size()), style.color(), style.transform());
-        let (width, height) = (text.chars().count() as i32 * LETTER * scale, LETTER * scale);
+        let (pixels, color, turn) = (style.size() as f32, style.color(), style.transform());
+        let (width, height) = letters::size(text, pixels);
+        let (width, height) = (width as i32, height as i32);
         let dx = match style.anchor().h_pos {
             HPos::Left => 0,
             HPos::Right => -width,
@@ -68,19 +61,12 @@ impl DrawingBackend for Canvas<'_> {
             VPos::Center => -height / 2,
             VPos::Bottom => -height,
         };
-        for (at, letter) in text.chars().enumerate() {
-            // Letters that the font lacks are blank.
-            let glyph = BASIC_FONTS.get(letter).unwrap_or_default();
-            for y in 0..height {
-                for x in 0..LETTER * scale {
-                    if glyph[(y / scale) as usize] >> (x / scale) & 1 == 1 {
-                        let along = at as i32 * LETTER * scale + x;
-                        let (x, y) = turn.transform(along + dx, y + dy);
-                        self.draw_pixel((left + x, top + y), color)?;
-                    }
-                }
-            }
-        }
+        letters::draw(text, pixels, |x, y, covered| {
+            let (x, y) = turn.transform(x + dx, y + dy);
+            let alpha = color.alpha * f64::from(covered);
+            // Drawing on an image in memory does not fail.
+            let _ = self.draw_pixel((left + x, top + y), BackendColor { alpha, ..color });
+        });
         Ok(())
     }
 
@@ -89,7 +75,6 @@ impl DrawingBackend for Canvas<'_> {
         text: &str,
         style: &S,
     ) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
-        let side = (LETTER * enlarged(style.size())) as u32;
-        Ok((text.chars().count() as u32 * side, side))
+        Ok(letters::size(text, style.size() as f32))
     }
 }

@@ -18,7 +18,7 @@ use std::ops::Range;
 
 /// Columns and rows.
 pub const SIZE: (u32, u32) = (1200, 700);
-const FONT: (&str, i32) = ("8x8", 16);
+const FONT: (&str, i32) = ("sans-serif", 16);
 /// Space around a plot, left of it for numbers, below it and above it for the title, pixels.
 const MARGIN: u32 = 20;
 const LEFT: u32 = 110;
@@ -364,9 +364,8 @@ mod tests {
     fn text_is_drawn() {
         let ink = |title: &str| {
             let picture = drawn(title, 0.0..1.0, 0.0..1.0, |_| Ok(()));
-            picture.pixels().filter(|pixel| pixel.0 == [0; 3]).count()
+            picture.pixels().filter(|pixel| pixel.0[0] < 128).count()
         };
-        assert!(ink("PSNR") > 50);
-        assert_eq!(ink(" "), 0);
+        assert!(ink("PSNR") > ink(" ") + 30, "{} and {}", ink("PSNR"), ink(" "));
     }
 }
