@@ -5,7 +5,7 @@ use lexsplat_client::stream::{FrameStatus, Progress, Summary};
 
 /// A bar for `frames` frames.
 pub fn progress_bar(frames: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {msg}")
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left  {msg}")
         .expect("the template is constant");
     ProgressBar::new(frames).with_style(style)
 }
