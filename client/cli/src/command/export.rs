@@ -105,7 +105,9 @@ async fn download(
     options: &[(&str, String)],
 ) -> Result<MapFile> {
     let bar = ProgressBar::new(0);
-    bar.set_style(ProgressStyle::with_template("{bar:30} {bytes}/{total_bytes}, {eta} left  {bytes_per_sec}")?);
+    bar.set_style(ProgressStyle::with_template(
+        "{bar:30} {bytes}/{total_bytes}, {eta} left  {bytes_per_sec}",
+    )?);
     let progress = |done: u64, total: Option<u64>| {
         bar.set_length(total.unwrap_or(done));
         bar.set_position(done);

@@ -46,7 +46,9 @@ pub fn run(arguments: &Synth) -> Result<()> {
     let range = FrameRange { stride: arguments.every, ..FrameRange::default() };
     let dataset = arguments.sensing.applied(Box::new(SyntheticDataset::of(&walk)), range)?;
     let bar = ProgressBar::new(dataset.len() as u64);
-    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left  {per_sec}")?);
+    bar.set_style(ProgressStyle::with_template(
+        "{bar:30} {pos}/{len} frames, {eta} left  {per_sec}",
+    )?);
     write_dataset(&arguments.dir, &*dataset, |done| bar.set_position(done as u64))?;
     bar.finish();
     say!("wrote {} frames to {}", bar.length().unwrap_or(0), arguments.dir.display())?;
