@@ -123,16 +123,14 @@ fn related(
     }
     let mut others = Vec::new();
     for other in &candidates.others {
-        let chosen = match other.is_present {
-            true => choose(other, around),
-            false => Choice::none(messages::nothing(other.wanted)),
+        let (chosen, is_decided) = match other.is_present {
+            true => (choose(other, around), can_decide(other.wanted, around)),
+            false => (Choice::none(messages::nothing(other.wanted)), true),
         };
         match chosen.reason {
             None => {}
             // Nothing is next to what is not there.
-            Some(_) if relation.is_negated && can_decide(other.wanted, around) => {
-                return Ok(kept.to_vec());
-            }
+            Some(_) if relation.is_negated && is_decided => return Ok(kept.to_vec()),
             Some(reason) => return Err(reason),
         }
         others.push(chosen.kept.iter().map(|&at| &other.objects[at]).collect::<Vec<_>>());
