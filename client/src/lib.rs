@@ -4,6 +4,7 @@ mod access;
 pub mod bags;
 pub mod dataset;
 pub mod http;
+pub mod layout;
 pub mod live;
 pub mod messages;
 pub mod npy;

@@ -10,6 +10,7 @@ pub mod config;
 mod export;
 mod file_watch;
 mod http;
+mod import;
 mod ingest;
 mod inspect;
 mod maps;
@@ -26,6 +27,7 @@ pub use config::Config;
 pub use inspect::inspect;
 
 use access::{AccessConfig, EntriesError, Exposed, Gate};
+use import::Imports;
 use ingest::{IngestError, MappingService};
 use maps::RecordedMaps;
 use net::{Port, Protocol, Tls, TlsError};
@@ -118,8 +120,13 @@ pub async fn serve(
     maps.find_recordings()?;
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
+    let service =
+        MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
+    let kept_free = config.recording.low_bytes;
+    let imports = Imports::new(maps.store().clone(), service.clone(), &config.imports, kept_free);
     let router = http::router(http::Context {
         maps: maps.clone(),
+        imports,
         gate: gate.clone(),
         config: config.http.clone(),
         body_limit: Duration::from_secs(config.connections.body_seconds),
@@ -133,7 +140,6 @@ pub async fn serve(
     };
     let mut parts = JoinSet::new();
     parts.spawn(port(Protocol::Http, listeners.http, router));
-    let service = MappingService::new(maps.clone(), gate, &config.ingest, stopping.clone());
     parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
     let mut background = keep_maps(&maps, &config, &stopping);
     on_ready(&ready(&engine, addresses));

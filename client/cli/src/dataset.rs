@@ -6,6 +6,7 @@ use lexsplat_client::dataset::{
     Dataset, DatasetError, Distortion, Folder, FrameRange, FrameRate, Nerfstudio, R3d, Replica,
     ScanNet, SevenScenes, Tum, with_poses,
 };
+use lexsplat_client::layout::Layout;
 use lexsplat_client::rig::Wanted;
 use lexsplat_client::stream::Poses;
 use lexsplat_synthetic::{SyntheticDataset, Walk};
@@ -113,58 +114,8 @@ impl DatasetSpec {
 /// What was looked for, if it is of no known kind.
 pub fn recognised(text: &str) -> Result<DatasetSpec, String> {
     let (path, options) = with_options(text);
-    let kind = if path.is_file() { kind_of_file(&path)? } else { kind_of_folder(&path)? };
-    let spec = of_kind(kind, path, options).map_err(|error| error.to_string())?;
-    Ok(spec.expect("the kind is known"))
-}
-
-fn is(path: &Path, kind: &str) -> bool {
-    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(kind))
-}
-
-fn kind_of_file(path: &Path) -> Result<&'static str, String> {
-    if is(path, "bag") {
-        return Err(format!(
-            "{}: a bag of ROS 1: convert it (pip install rosbags, rosbags-convert --src FILE --dst FOLDER)",
-            path.display()
-        ));
-    }
-    let kinds = [("mcap", "mcap"), ("db3", "rosbag2"), ("r3d", "r3d"), ("sens", "scannet")];
-    let found = kinds.into_iter().find(|(extension, _)| is(path, extension));
-    found.map(|(_, kind)| kind).ok_or_else(|| {
-        let path = path.display();
-        format!("{path}: expected a folder, or a file of the kind .mcap, .db3, .r3d or .sens")
-    })
-}
-
-fn kind_of_folder(folder: &Path) -> Result<&'static str, String> {
-    let names = std::fs::read_dir(folder)
-        .map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
-    let names: Vec<PathBuf> = names.flatten().map(|entry| entry.path()).collect();
-    let has = |name: &str| folder.join(name).is_file();
-    let has_kind = |kind: &str| names.iter().any(|path| is(path, kind));
-    let is_scene = |path: &PathBuf| {
-        let name = path.file_name().and_then(|name| name.to_str());
-        name.is_some_and(|name| name.starts_with("frame-") && name.contains(".color."))
-    };
-    let kinds = [
-        ("folder", has("recording.toml")),
-        ("nerfstudio", has("transforms.json")),
-        ("tum", has("rgb.txt") || has("associations.txt")),
-        ("replica", folder.join("results").is_dir()),
-        ("7scenes", names.iter().any(is_scene)),
-        ("rosbag2", has("metadata.yaml") || has_kind("db3")),
-        ("mcap", has_kind("mcap")),
-    ];
-    let found = kinds.into_iter().find(|(_, is_there)| *is_there);
-    found.map(|(kind, _)| kind).ok_or_else(|| {
-        format!(
-            "{}: expected recording.toml (folder), transforms.json (nerfstudio), rgb.txt (tum), results/ \
-             (replica), frame-000000.color.jpg (7scenes), metadata.yaml (rosbag2) or a file of the kind \
-             .mcap or .db3, found none",
-            folder.display()
-        )
-    })
+    let layout = Layout::of(&path)?;
+    of_layout(layout, path, options).map_err(|error| error.to_string())
 }
 
 /// A path; `~/` at its beginning is the home folder, which shells do not put behind `KIND:`.
@@ -185,25 +136,24 @@ fn with_options(text: &str) -> (PathBuf, &str) {
     }
 }
 
-/// The data set of a kind, if it has these options.
-fn of_kind(kind: &str, path: PathBuf, options: &str) -> Result<Option<DatasetSpec>, SpecError> {
+/// The data set of a layout with options.
+fn of_layout(layout: Layout, path: PathBuf, options: &str) -> Result<DatasetSpec, SpecError> {
     let wanted = || Ok(Box::new(Wanted::parse(options).map_err(SpecError::Options)?));
     let rate = || rate(options).map_err(SpecError::Options);
-    let plain = match kind {
-        "replica" => return Ok(Some(DatasetSpec::Replica(path, rate()?))),
-        "7scenes" => return Ok(Some(DatasetSpec::SevenScenes(path, rate()?))),
-        "nerfstudio" => return Ok(Some(DatasetSpec::Nerfstudio(path, rate()?))),
-        "mcap" => return Ok(Some(DatasetSpec::Mcap(path, wanted()?))),
-        "rosbag2" => return Ok(Some(DatasetSpec::Rosbag2(path, wanted()?))),
-        "tum" => DatasetSpec::Tum(path),
-        "folder" => DatasetSpec::Folder(path),
-        "r3d" => DatasetSpec::R3d(path),
-        "scannet" => DatasetSpec::ScanNet(path),
-        _ => return Ok(None),
+    let plain = match layout {
+        Layout::Replica => return Ok(DatasetSpec::Replica(path, rate()?)),
+        Layout::SevenScenes => return Ok(DatasetSpec::SevenScenes(path, rate()?)),
+        Layout::Nerfstudio => return Ok(DatasetSpec::Nerfstudio(path, rate()?)),
+        Layout::Mcap => return Ok(DatasetSpec::Mcap(path, wanted()?)),
+        Layout::Rosbag2 => return Ok(DatasetSpec::Rosbag2(path, wanted()?)),
+        Layout::Tum => DatasetSpec::Tum(path),
+        Layout::Folder => DatasetSpec::Folder(path),
+        Layout::R3d => DatasetSpec::R3d(path),
+        Layout::ScanNet => DatasetSpec::ScanNet(path),
     };
     match options {
-        "" => Ok(Some(plain)),
-        _ => Err(SpecError::Options(format!("expected no options of {kind}, found {options:?}"))),
+        "" => Ok(plain),
+        _ => Err(SpecError::Options(format!("expected no options of {layout}, found {options:?}"))),
     }
 }
 
@@ -260,8 +210,9 @@ impl FromStr for DatasetSpec {
             }
             (_, None) => Err(unknown()),
             (kind, Some(text)) => {
+                let layout = Layout::ALL.into_iter().find(|layout| layout.name() == kind);
                 let (path, options) = with_options(text);
-                of_kind(kind, path, options)?.ok_or_else(unknown)
+                of_layout(layout.ok_or_else(unknown)?, path, options)
             }
         }
     }

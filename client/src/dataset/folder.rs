@@ -32,6 +32,7 @@ use super::layer::Layer;
 use super::picture_files::{FrameFiles, PictureFiles};
 use super::prepare::{self, FINE_UNIT_METRES, Preparation};
 use super::recording::{MaybePose, Recording, Shot};
+use super::root::Root;
 use super::source::Dataset;
 use super::timed::{self, Timed, TimedPoses};
 use super::{files, name, pose, text};
@@ -52,13 +53,15 @@ impl Folder {
     ///
     /// # Errors
     /// [`DatasetError`] if the description is missing or wrong, or no frame is there.
-    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+    pub fn open(root: impl Into<Root>) -> Result<Self, DatasetError> {
+        let root = root.into();
+        let folder = root.folder();
         let path = folder.join(DESCRIPTION);
         let wrong = |reason: String| DatasetError::content(&path, reason);
         let described: Description = toml::from_str(&files::text(&path)?)
             .map_err(|error| wrong(error.to_string().replace('\n', " ").trim().to_owned()))?;
         let (preparation, depth_unit_metres) = prepared(&described).map_err(wrong)?;
-        let Found { shots, files, skipped } = Found::new(folder, &described, &path)?;
+        let Found { shots, files, skipped } = Found::new(&root, &described, &path)?;
         if shots.is_empty() {
             let expected = "expected color and depth that belong together, found none";
             return Err(DatasetError::no_frames(&path, expected, &skipped));
@@ -110,11 +113,11 @@ struct Found {
 }
 
 impl Found {
-    fn new(folder: &Path, described: &Description, path: &Path) -> Result<Self, DatasetError> {
+    fn new(root: &Root, described: &Description, path: &Path) -> Result<Self, DatasetError> {
         let names = described.names;
-        let colors = list(names, folder, &described.color.files, path)?;
-        let depths = list(names, folder, &described.depth.files, path)?;
-        let poses = Placed::new(folder, described.poses.as_ref(), path)?;
+        let colors = list(names, root, &described.color.files, path)?;
+        let depths = list(names, root, &described.depth.files, path)?;
+        let poses = Placed::new(root, described.poses.as_ref(), path)?;
         let pairs = match names {
             Names::Numbers => same(&colors, &depths),
             Names::Seconds | Names::Nanoseconds => timed::pair(&colors, &depths),
@@ -132,14 +135,18 @@ impl Found {
             let world_from_camera = poses.of(at, nanos, color, &described.color.files);
             let confidence = described.depth.confidence.as_ref();
             let confidence =
-                confidence.map(|other| folder.join(beside(depth, &described.depth.files, other)));
+                confidence.map(|other| root.listed(&beside(depth, &described.depth.files, other)));
+            let confidence = confidence.transpose();
+            let confidence =
+                confidence.map_err(|reason| DatasetError::content(path, reason))?;
             let extras = FrameExtras { depth_timestamp_nanos: depth_nanos, ..Default::default() };
-            (
+            Ok((
                 Shot { sequence, nanos, world_from_camera, extras },
                 FrameFiles { color: color.clone(), depth: depth.clone(), confidence },
-            )
+            ))
         };
-        let (shots, files) = pairs.iter().map(entry).unzip();
+        let frames = pairs.iter().map(entry).collect::<Result<Vec<_>, DatasetError>>()?;
+        let (shots, files) = frames.into_iter().unzip();
         let unpaired = (0..colors.len()).filter(|at| pairs.iter().all(|(paired, _)| paired != at));
         let reason = "expected depth with the same number or time, found none";
         let told = |at: usize| DatasetError::content(&colors[at].value, reason).to_string();
@@ -157,14 +164,14 @@ fn beside(path: &Path, pattern: &str, other: &str) -> String {
 /// Files of a pattern such as `color/*.jpg`, by number or time.
 fn list(
     names: Names,
-    folder: &Path,
+    root: &Root,
     pattern: &str,
     path: &Path,
 ) -> Result<Vec<Timed<PathBuf>>, DatasetError> {
     let (inside, before, after) = split(pattern).ok_or_else(|| {
         DatasetError::content(path, format!("expected one * in the name {pattern:?}"))
     })?;
-    let inside = folder.join(inside);
+    let inside = root.listed(inside).map_err(|reason| DatasetError::content(path, reason))?;
     let failed = |source| DatasetError::File { path: inside.clone(), source };
     let mut list = Vec::new();
     for entry in std::fs::read_dir(&inside).map_err(failed)? {
@@ -215,7 +222,7 @@ enum Source {
 
 /// The poses of a description.
 struct Placed {
-    folder: PathBuf,
+    root: Root,
     description: PathBuf,
     source: Source,
     axes: pose::Axes,
@@ -223,17 +230,21 @@ struct Placed {
 }
 
 impl Placed {
-    fn new(folder: &Path, poses: Option<&Poses>, description: &Path) -> Result<Self, DatasetError> {
+    fn new(root: &Root, poses: Option<&Poses>, description: &Path) -> Result<Self, DatasetError> {
+        let listed = |file: &Path| {
+            let listed = root.listed(&file.to_string_lossy());
+            listed.map_err(|reason| DatasetError::content(description, reason))
+        };
         let source = match poses {
             None => Source::None,
             Some(Poses { files: Some(pattern), file: None, tum: None, .. }) => {
                 Source::Files(pattern.clone())
             }
             Some(Poses { files: None, file: Some(file), tum: None, .. }) => {
-                Source::Lines(pose::lines(&folder.join(file))?)
+                Source::Lines(pose::lines(&listed(file)?)?)
             }
             Some(Poses { files: None, file: None, tum: Some(file), .. }) => {
-                Source::Timed(TimedPoses::read(folder.join(file))?)
+                Source::Timed(TimedPoses::read(listed(file)?)?)
             }
             Some(_) => {
                 let reason = "poses: expected one of files, file and tum";
@@ -242,7 +253,7 @@ impl Placed {
         };
         let (axes, inverse) =
             poses.map_or((pose::Axes::default(), false), |poses| (poses.axes, poses.inverse));
-        Ok(Self { folder: folder.into(), description: description.into(), source, axes, inverse })
+        Ok(Self { root: root.clone(), description: description.into(), source, axes, inverse })
     }
 
     /// The pose of the color picture at a place of the list.
@@ -267,7 +278,7 @@ impl Placed {
 
     /// The pose in the file where `*` is what it is in the picture's name.
     fn of_file(&self, color: &Path, pattern: &str, poses: &str) -> MaybePose {
-        let path = self.folder.join(beside(color, pattern, poses));
+        let path = self.root.listed(&beside(color, pattern, poses))?;
         let text = files::text(&path).map_err(|error| error.whole())?;
         pose::from_rows(&text).map_err(|reason| DatasetError::content(&path, reason).to_string())
     }

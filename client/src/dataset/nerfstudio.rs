@@ -19,6 +19,7 @@ use super::picture_files::{FrameFiles, PictureFiles};
 use super::pose;
 use super::prepare::{self, FINE_UNIT_METRES, Preparation};
 use super::recording::{MaybePose, Recording, Shot};
+use super::root::Root;
 use super::source::Dataset;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -88,7 +89,9 @@ impl Nerfstudio {
     ///
     /// # Errors
     /// [`DatasetError`] if the list or the camera is missing or damaged, or no frame has depth.
-    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+    pub fn open(root: impl Into<Root>) -> Result<Self, DatasetError> {
+        let root = root.into();
+        let folder = root.folder();
         let path = folder.join(LIST);
         let wrong = |reason: String| DatasetError::content(&path, reason);
         let mut list: Transforms = files::json(&path)?;
@@ -96,7 +99,7 @@ impl Nerfstudio {
         let unit = positive("depth_unit_scale_factor", list.depth_unit_scale_factor);
         let unit = unit.map_err(wrong)?;
         let scale = positive("applied_scale", list.applied_scale).map_err(wrong)?.unwrap_or(1.0);
-        let Found { mut shots, files, skipped } = list.found(folder, &path, scale);
+        let Found { mut shots, files, skipped } = list.found(&root, &path, scale)?;
         if shots.is_empty() {
             let expected = "expected frames with depth_file_path, found none";
             return Err(DatasetError::no_frames(&path, expected, &skipped));
@@ -146,13 +149,13 @@ fn positive(key: &str, value: Option<f64>) -> Result<Option<f64>, String> {
 }
 
 /// A file of the list, whose name may lack its extension.
-fn picture(folder: &Path, name: &str) -> PathBuf {
-    let path = folder.join(name.replace('\\', "/"));
+fn picture(root: &Root, name: &str) -> Result<PathBuf, String> {
+    let path = root.listed(name)?;
     if path.extension().is_some() || path.is_file() {
-        return path;
+        return Ok(path);
     }
     let with = |extension: &&str| path.with_extension(extension);
-    EXTENSIONS.iter().map(with).find(|path| path.is_file()).unwrap_or(path)
+    Ok(EXTENSIONS.iter().map(with).find(|path| path.is_file()).unwrap_or(path))
 }
 
 /// A pose with camera axes x right, y down, z forward, metres.
@@ -170,10 +173,13 @@ fn pose(rows: &[Vec<f64>], applied_scale: f64) -> MaybePose {
 
 impl Transforms {
     /// The frames with depth, and why others are left out.
-    fn found(&self, folder: &Path, path: &Path, applied_scale: f64) -> Found {
+    fn found(&self, root: &Root, path: &Path, applied_scale: f64) -> Result<Found, DatasetError> {
+        let picture = |name: &str| {
+            picture(root, name).map_err(|reason| DatasetError::content(path, reason))
+        };
         let (mut shots, mut files, mut skipped) = (Vec::new(), Vec::new(), Vec::new());
         for (sequence, listed) in (0..).zip(&self.frames) {
-            let color = picture(folder, &listed.file_path);
+            let color = picture(&listed.file_path)?;
             let Some(depth) = &listed.depth_file_path else {
                 let reason = "expected depth_file_path in transforms.json, found none";
                 skipped.push(DatasetError::content(&color, reason).to_string());
@@ -185,9 +191,9 @@ impl Transforms {
                     DatasetError::content(path, reason).to_string()
                 });
             shots.push(Shot::new(sequence, counted_nanos(sequence), world_from_camera));
-            files.push(FrameFiles::new(color, picture(folder, depth)));
+            files.push(FrameFiles::new(color, picture(depth)?));
         }
-        Found { shots, files, skipped }
+        Ok(Found { shots, files, skipped })
     }
 
     /// The camera of all frames: the list's, or the first frame's.

@@ -17,6 +17,7 @@ use super::frame::{Camera, Cameras, Distortion, Intrinsics};
 use super::layer::Layer;
 use super::picture_files::{FrameFiles, PictureFiles};
 use super::recording::{Recording, Shot};
+use super::root::Root;
 use super::source::Dataset;
 use super::timed::{self, Timed, TimedPoses};
 use super::{name, text};
@@ -48,8 +49,10 @@ impl Tum {
     ///
     /// # Errors
     /// [`DatasetError`] if a list or the camera is missing or damaged, or no frame is there.
-    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let [colors, depths] = lists(folder)?;
+    pub fn open(root: impl Into<Root>) -> Result<Self, DatasetError> {
+        let root = root.into();
+        let folder = root.folder();
+        let [colors, depths] = lists(&root)?;
         let poses = TimedPoses::read(trajectory(folder))?;
         let pairs = timed::pair(&colors, &depths);
         let entry = |&(at, depth): &(usize, usize)| {
@@ -90,18 +93,19 @@ impl Tum {
 type Pictures = Vec<Timed<PathBuf>>;
 
 /// Color and depth.
-fn lists(folder: &Path) -> Result<[Pictures; 2], DatasetError> {
+fn lists(root: &Root) -> Result<[Pictures; 2], DatasetError> {
+    let folder = root.folder();
     let pairs = PAIRS.map(|name| folder.join(name)).into_iter().find(|path| path.is_file());
     let Some(path) = pairs.filter(|_| !folder.join("rgb.txt").is_file()) else {
-        return Ok([file_list(folder, "rgb.txt")?, file_list(folder, "depth.txt")?]);
+        return Ok([file_list(root, "rgb.txt")?, file_list(root, "depth.txt")?]);
     };
     let (mut colors, mut depths) = (Vec::new(), Vec::new());
     for Timed { nanos, value: (first, other_nanos, second) } in
-        timed::list(&path, |_, rest| pair_of(rest))?
+        timed::list(&path, |_, rest| pair_of(root, rest))?
     {
-        for (nanos, file) in [(nanos, first), (other_nanos, second)] {
-            let list = if file.contains("depth") { &mut depths } else { &mut colors };
-            list.push(Timed { nanos, value: listed(folder, &file) });
+        for (nanos, (is_depth, value)) in [(nanos, first), (other_nanos, second)] {
+            let list = if is_depth { &mut depths } else { &mut colors };
+            list.push(Timed { nanos, value });
         }
     }
     colors.sort_by_key(|color| color.nanos);
@@ -109,10 +113,14 @@ fn lists(folder: &Path) -> Result<[Pictures; 2], DatasetError> {
     Ok([colors, depths])
 }
 
+/// A file, and whether it has depth.
+type PairedFile = (bool, PathBuf);
+
 /// `file timestamp file`.
-fn pair_of(rest: &str) -> Result<(String, u64, String), String> {
+fn pair_of(root: &Root, rest: &str) -> Result<(PairedFile, u64, PairedFile), String> {
+    let file = |name: &str| Ok::<_, String>((name.contains("depth"), root.listed(name)?));
     match text::words(rest).collect::<Vec<_>>()[..] {
-        [first, stamp, second] => Ok((first.to_owned(), text::nanos(stamp)?, second.to_owned())),
+        [first, stamp, second] => Ok((file(first)?, text::nanos(stamp)?, file(second)?)),
         _ => Err("expected timestamp, file, timestamp, file".into()),
     }
 }
@@ -129,17 +137,11 @@ fn trajectory(folder: &Path) -> PathBuf {
 }
 
 /// `timestamp file` per line, by time.
-fn file_list(folder: &Path, name: &str) -> Result<Pictures, DatasetError> {
-    timed::list(&folder.join(name), |_, rest| match rest.trim_matches('"') {
+fn file_list(root: &Root, name: &str) -> Result<Pictures, DatasetError> {
+    timed::list(&root.folder().join(name), |_, rest| match rest.trim_matches('"') {
         "" => Err("expected a timestamp and a file, found no file".into()),
-        file => Ok(listed(folder, file)),
+        file => root.listed(file),
     })
-}
-
-/// A file in a list, which may have been written where folders are separated by backslashes.
-fn listed(folder: &Path, file: &str) -> PathBuf {
-    let path = folder.join(file);
-    if file.contains('\\') && !path.exists() { folder.join(file.replace('\\', "/")) } else { path }
 }
 
 /// The camera of a file, of the benchmark, or the driver's. The last two only for pictures of their size.

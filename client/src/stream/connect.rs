@@ -4,17 +4,25 @@ use super::error::ClientError;
 use crate::access::{Access, AccessError, Identity, innermost, is_refused};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use std::time::Duration;
+use tonic::body::Body;
+use tonic::codegen::http;
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
+use tonic::transport::{Certificate, ClientTlsConfig, Endpoint};
 use tonic::{Request, Status};
+use tower::ServiceExt as _;
+use tower::util::BoxCloneSyncService;
 
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
+/// Where calls go: a server, or a service in this process.
+pub type Connection =
+    BoxCloneSyncService<http::Request<Body>, http::Response<Body>, Status>;
+
 /// Adds the token to each call.
 #[derive(Clone)]
-pub(super) struct Bearer(Option<MetadataValue<Ascii>>);
+struct Bearer(Option<MetadataValue<Ascii>>);
 
 impl Interceptor for Bearer {
     fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
@@ -38,7 +46,7 @@ impl Bearer {
 pub(super) async fn connect(
     address: &str,
     access: &Access,
-) -> Result<MappingClient<InterceptedService<Channel, Bearer>>, ClientError> {
+) -> Result<MappingClient<Connection>, ClientError> {
     let bad = || ClientError::Address { found: address.into() };
     let (_, port) = address.rsplit_once(':').ok_or_else(bad)?;
     port.trim_end_matches('/').parse::<u16>().map_err(|_| bad())?;
@@ -62,7 +70,9 @@ pub(super) async fn connect(
             false => ClientError::NoServer { address },
         }
     })?;
-    Ok(MappingClient::with_interceptor(channel, bearer))
+    let calls = InterceptedService::new(channel, bearer);
+    let calls = calls.map_response(|response| response.map(Body::new)).map_err(|error| Status::from_error(error.into()));
+    Ok(MappingClient::new(BoxCloneSyncService::new(calls)))
 }
 
 fn tls(access: &Access) -> ClientTlsConfig {

@@ -4,12 +4,13 @@
 //! [`FrameSender`]; the server acknowledges each one through [`Acks`]. The stream ends when every
 //! sender is dropped and the last frame is acknowledged.
 
-use super::connect::connect;
+use super::connect::{Connection, connect};
 use super::error::ClientError;
 use super::options::{Encoder, Poses, StreamOptions};
 use super::wire;
 use crate::access::Access;
 use crate::dataset::{Cameras, Dataset, Instance, RgbdFrame};
+use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameMessage, FrameStatus, frame_message::Message};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
@@ -76,9 +77,22 @@ impl FrameStream {
         spec: MapSpec,
         queue: usize,
     ) -> Result<Self, ClientError> {
+        Self::over(connect(grpc, access).await?, grpc, spec, queue).await
+    }
+
+    /// The same over a connection, or to a service in this process; messages of errors call it `address`.
+    ///
+    /// # Errors
+    /// [`ClientError`] if the server refuses the map.
+    pub async fn over(
+        mut client: MappingClient<Connection>,
+        address: &str,
+        spec: MapSpec,
+        queue: usize,
+    ) -> Result<Self, ClientError> {
         let began = Instant::now();
         loop {
-            match Self::open_once(grpc, access, spec.clone(), queue).await {
+            match Self::open_once(&mut client, address, spec.clone(), queue).await {
                 Err(ClientError::Refused { code: Code::Unavailable, .. })
                     if began.elapsed() < LOADING =>
                 {
@@ -90,23 +104,23 @@ impl FrameStream {
     }
 
     async fn open_once(
-        grpc: &str,
-        access: &Access,
+        client: &mut MappingClient<Connection>,
+        address: &str,
         spec: MapSpec,
         queue: usize,
     ) -> Result<Self, ClientError> {
         let (sender, outbound) = mpsc::channel(queue);
-        let mut client = connect(grpc, access).await?;
         let open = FrameMessage { message: Some(Message::Open(wire_spec(spec))) };
         sender.try_send(open).expect("the queue is new and holds a message");
-        let failed = |status| ClientError::of_status(status, grpc);
+        let failed = |status| ClientError::of_status(status, address);
         let call = client.stream_frames(ReceiverStream::new(outbound)).await;
-        let mut acks = Acks { acks: call.map_err(failed)?.into_inner(), address: grpc.to_owned() };
+        let mut acks =
+            Acks { acks: call.map_err(failed)?.into_inner(), address: address.to_owned() };
         let opened = acks
             .next()
             .await?
             .filter(|ack| ack.status() == FrameStatus::Opened)
-            .ok_or_else(|| ClientError::unanswered(grpc))?;
+            .ok_or_else(|| ClientError::unanswered(address))?;
         Ok(Self { frames: FrameSender(sender), acks, opened })
     }
 }

@@ -15,9 +15,10 @@ mod wire;
 #[cfg(test)]
 mod tests;
 
+pub use connect::Connection;
 pub use connection::{Acks, FrameSender, FrameStream, MapSpec, find};
 pub use error::ClientError;
 pub use lexsplat_proto::v1::{FrameAck, FrameStatus};
 pub use options::{Encoder, Poses, StreamOptions};
 pub use summary::{InputWarning, LeftOut, Progress, Refusal, Summary};
-pub use upload::stream;
+pub use upload::{stream, stream_over};

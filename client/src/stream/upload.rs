@@ -1,11 +1,13 @@
 //! Streaming a whole data set into a map.
 
+use super::connect::{Connection, connect};
 use super::connection::{FrameStream, MapSpec};
 use super::error::ClientError;
 use super::options::{Encoder, Poses, StreamOptions};
 use super::producer::Producer;
 use super::summary::{Progress, Summary, Tally};
 use crate::dataset::Dataset;
+use lexsplat_proto::v1::mapping_client::MappingClient;
 use std::sync::Arc;
 
 /// Frames read ahead of the wire.
@@ -23,6 +25,20 @@ const READ_AHEAD: usize = 4;
 pub async fn stream(
     dataset: Arc<dyn Dataset>,
     options: &StreamOptions,
+    on_progress: impl FnMut(&Progress),
+) -> Result<Summary, ClientError> {
+    let client = connect(&options.grpc, &options.access).await?;
+    stream_over(client, dataset, options, on_progress).await
+}
+
+/// The same over a connection, or to a service in this process; messages of errors call it `options.grpc`.
+///
+/// # Errors
+/// As [`stream()`].
+pub async fn stream_over(
+    client: MappingClient<Connection>,
+    dataset: Arc<dyn Dataset>,
+    options: &StreamOptions,
     mut on_progress: impl FnMut(&Progress),
 ) -> Result<Summary, ClientError> {
     if options.encoder == Encoder::Oracle && dataset.truth().is_none() {
@@ -30,7 +46,7 @@ pub async fn stream(
     }
     let spec = MapSpec::of(&*dataset, options);
     let FrameStream { frames, mut acks, opened } =
-        FrameStream::open(&options.grpc, &options.access, spec, READ_AHEAD).await?;
+        FrameStream::over(client, &options.grpc, spec, READ_AHEAD).await?;
     let seen = opened.received_through.max(opened.durable_through);
     let is_new = |index: &usize| seen.is_none_or(|seen| dataset.sequence(*index) > seen);
     let indices: Vec<usize> = (0..dataset.len()).filter(is_new).collect();

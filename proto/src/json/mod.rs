@@ -8,6 +8,7 @@ mod answer;
 mod camera;
 mod event;
 mod health;
+mod import;
 mod map;
 mod problem;
 mod question;
@@ -22,6 +23,7 @@ pub use answer::{
 pub use camera::{Camera, View};
 pub use event::{FrameEvent, InputWarningEvent, MissedEvent, RefinementEvent, RevisionEvent};
 pub use health::{Health, MapLoading};
+pub use import::{Import, ImportPoses, ImportState};
 pub use map::{
     Frames, InputWarning, Keyframe, LoadProgress, MapState, Maps, NewMap, Restored, Status, Up,
 };

@@ -49,6 +49,9 @@ pub(crate) const HTTP: &[(&str, &str, Need)] = &[
     ("GET", "/v1/maps/{name}/export/{file}", Need::Scope(Scope::Read)),
     ("GET", "/v1/maps/{name}/backup", Need::Scope(Scope::Admin)),
     ("PUT", "/v1/maps/{name}/backup", Need::Scope(Scope::Admin)),
+    ("GET", "/v1/maps/{name}/import", Need::Scope(Scope::Read)),
+    ("POST", "/v1/maps/{name}/import", Need::Scope(Scope::Write)),
+    ("DELETE", "/v1/maps/{name}/import", Need::Scope(Scope::Write)),
     ("GET", "/v1/maps/{name}/events", Need::Scope(Scope::Read)),
 ];
 

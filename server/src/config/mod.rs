@@ -11,6 +11,7 @@ pub use server::ServerConfig;
 
 use crate::access::AccessConfig;
 use crate::http::HttpConfig;
+use crate::import::ImportsConfig;
 use crate::ingest::IngestConfig;
 use crate::net::ConnectionsConfig;
 use crate::pipeline::closure::ClosureConfig;
@@ -66,6 +67,8 @@ pub struct Config {
     pub query: QueryConfig,
     /// Limits of the HTTP interface.
     pub http: HttpConfig,
+    /// Limits on uploaded recordings.
+    pub imports: ImportsConfig,
     /// The log of the server.
     pub telemetry: TelemetryConfig,
 }
@@ -143,6 +146,7 @@ impl Config {
         self.recording.check()?;
         self.ingest.check()?;
         self.http.check()?;
+        self.imports.check()?;
         self.language.check()?;
         self.compressor.check()?;
         self.query.check()?;

@@ -3,6 +3,7 @@
 use super::error::Problem;
 use super::extract::{Segments, expect_type};
 use super::pace::Pace;
+use super::received::with_received;
 use super::schema::Binary;
 use super::state::State;
 use crate::maps::{self, BackupError};
@@ -10,10 +11,8 @@ use axum::Json;
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::IntoResponse;
-use futures::StreamExt as _;
 use lexsplat_proto::json;
-use std::io::{Read, Write};
-use std::time::Duration;
+use std::io::Write;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -23,9 +22,6 @@ const TAR: &str = "application/x-tar";
 const PART_BYTES: usize = 256 << 10;
 /// Parts that may wait for the reader.
 const BACKLOG: usize = 4;
-/// What is read of an archive after it was refused, at most.
-const DRAINED_BYTES: usize = 64 << 20;
-const DRAINED_WITHIN: Duration = Duration::from_secs(10);
 
 /// The recording of a map and its newest checkpoint in one tar. Mapping goes on meanwhile. A client that
 /// takes less than 16 KiB a second for long gets no more.
@@ -87,40 +83,11 @@ pub(super) async fn put(
     body: Body,
 ) -> Result<impl IntoResponse, Problem> {
     let name = segments.get("name");
-    let (parts, received) = mpsc::channel(BACKLOG);
-    let mut stream = body.into_data_stream();
-    let mut pace = Pace::new(state.body_limit);
-    let receiving = tokio::spawn(async move {
-        let mut unwanted = 0;
-        loop {
-            let part = match pace.wait(stream.next()).await {
-                Ok(Some(part)) => part.map_err(std::io::Error::other),
-                Ok(None) => return,
-                Err(too_slow) => Err(too_slow),
-            };
-            let (bytes, is_broken) = (part.as_ref().map_or(0, Bytes::len), part.is_err());
-            pace.moved(bytes);
-            if parts.send(part).await.is_err() {
-                unwanted += bytes;
-            }
-            if is_broken || unwanted > DRAINED_BYTES {
-                return;
-            }
-        }
+    let restored = with_received(body, state.body_limit, async |received| {
+        expect_type(&headers, TAR)?;
+        Ok(maps::restore(&state.maps, name, received).await?)
     });
-    let received = Received { parts: received, left: Bytes::new() };
-    let restored = match expect_type(&headers, TAR) {
-        Ok(()) => maps::restore(&state.maps, name, received).await.map_err(Problem::from),
-        Err(problem) => {
-            drop(received);
-            Err(problem)
-        }
-    };
-    if restored.is_err() {
-        // A client that is still sending would not see the answer.
-        let _ = tokio::time::timeout(DRAINED_WITHIN, receiving).await;
-    }
-    let restored = restored?;
+    let restored = restored.await?;
     let body = json::Restored { frames: restored.frames, warnings: restored.warnings };
     // Relative to the address of this request.
     Ok((StatusCode::CREATED, [(header::LOCATION, format!("../{name}"))], Json(body)))
@@ -158,23 +125,5 @@ impl Write for Parts {
 
     fn flush(&mut self) -> std::io::Result<()> {
         Ok(())
-    }
-}
-
-/// Reads a request.
-struct Received {
-    parts: mpsc::Receiver<std::io::Result<Bytes>>,
-    left: Bytes,
-}
-
-impl Read for Received {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        while self.left.is_empty() {
-            let Some(part) = self.parts.blocking_recv() else { return Ok(0) };
-            self.left = part?;
-        }
-        let part = self.left.split_to(buffer.len().min(self.left.len()));
-        buffer[..part.len()].copy_from_slice(&part);
-        Ok(part.len())
     }
 }

@@ -113,6 +113,7 @@ pub(super) async fn rename(
 ) -> Result<Json<Status>, Problem> {
     caller.may_use(&to).map_err(|error| Problem::from(error).at("name"))?;
     maps::rename(&state.maps, segments.get("name"), &to).await?;
+    state.imports.forget(segments.get("name"));
     let renamed = state.maps.list().into_iter().find(|map| map.name() == to);
     // Somebody may have deleted it at once.
     renamed
@@ -144,6 +145,7 @@ pub(super) async fn delete(
 ) -> Result<StatusCode, Problem> {
     let map = segments.get("name");
     state.maps.delete(map).await?;
+    state.imports.forget(map);
     tracing::info!(map, caller = caller.name(), "a map was deleted");
     Ok(StatusCode::NO_CONTENT)
 }

@@ -1,7 +1,7 @@
 //! `GET /openapi.json`: the OpenAPI 3.1 document, generated from the annotations of the handlers.
 
 use super::schema::SharedErrors;
-use super::{answers, backup, events, export, health, map, query, render, session};
+use super::{answers, backup, events, export, health, import, map, query, render, session};
 use axum::Json;
 use lexsplat_proto::json;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
@@ -38,6 +38,9 @@ use utoipa::{Modify, OpenApi};
         export::file,
         backup::take,
         backup::put,
+        import::show,
+        import::begin,
+        import::stop,
         events::stream,
     ),
     modifiers(&Bearer, &SharedErrors),

@@ -8,8 +8,9 @@ use super::event_log::EventLogs;
 use super::file_cache::FileCache;
 use super::guard::guard;
 use super::state::Shared;
-use super::{answers, backup, events, export, health, map, openapi, query, render, session};
+use super::{answers, backup, events, export, health, import, map, openapi, query, render, session};
 use crate::access::Gate;
+use crate::import::Imports;
 use crate::maps::RecordedMaps;
 use crate::web;
 use axum::Router;
@@ -29,6 +30,7 @@ use tower_http::trace::TraceLayer;
 /// The parts of the server that the routes use.
 pub(crate) struct Context {
     pub(crate) maps: RecordedMaps,
+    pub(crate) imports: Imports,
     /// Who may use which route.
     pub(crate) gate: Gate,
     pub(crate) config: HttpConfig,
@@ -40,7 +42,7 @@ pub(crate) struct Context {
 
 /// All routes, those of the dashboard included.
 pub(crate) fn router(context: Context) -> Router {
-    let Context { maps, gate, config, body_limit, stopping } = context;
+    let Context { maps, imports, gate, config, body_limit, stopping } = context;
     let cors = cors(&config.cors_origins);
     let browsers = Arc::new(Browsers {
         hosts: config.hosts.clone(),
@@ -52,6 +54,7 @@ pub(crate) fn router(context: Context) -> Router {
         event_logs: EventLogs::new(config.event_backlog),
         last_file: FileCache::default(),
         maps,
+        imports,
         gate: gate.clone(),
         config,
         body_limit,
@@ -75,6 +78,10 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))
         .route("/v1/maps/{name}/export/{file}", get(export::file))
         .route("/v1/maps/{name}/backup", get(backup::take).put(backup::put))
+        .route(
+            "/v1/maps/{name}/import",
+            get(import::show).post(import::begin).delete(import::stop),
+        )
         .route("/v1/maps/{name}/events", get(events::stream))
         .fallback(not_found)
         .with_state(shared)

@@ -6,12 +6,14 @@ use super::context::Context;
 use super::guard::{caller, guard, permit};
 use super::unfinished::Unfinished;
 use super::{maps, query, status, stream};
-use crate::access::{Gate, client_name};
+use crate::access::{Caller, Gate, client_name};
 use crate::check::Page;
 use crate::maps::RecordedMaps;
 use crate::pipeline::query::Client;
 use axum::Router;
+use axum::http;
 use axum::middleware::from_fn_with_state;
+use lexsplat_client::stream::Connection;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
 use prost::Message as _;
@@ -19,10 +21,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
+use tonic::body::Body;
 use tonic::codec::CompressionEncoding;
 use tonic::service::Routes;
 use tonic::{Request, Response, Status, Streaming};
-use tower::util::MapRequestLayer;
+use tower::ServiceExt as _;
+use tower::util::{BoxCloneSyncService, MapRequestLayer};
 
 /// Why the gRPC interface does not start.
 #[derive(Debug, thiserror::Error)]
@@ -46,6 +50,23 @@ impl MappingService {
     ) -> Self {
         let (limits, config) = (config.limits(), Arc::new(config.clone()));
         Self(Context { maps, config, limits, stopping }, gate)
+    }
+
+    /// Calls of a caller who was let in already, from inside this process.
+    pub(crate) fn called_by(&self, caller: Caller) -> Connection {
+        let service = self.clone().mapping().map_request(move |mut request: http::Request<Body>| {
+            request.extensions_mut().insert(caller.clone());
+            request
+        });
+        BoxCloneSyncService::new(service.map_err(|never| match never {}))
+    }
+
+    fn mapping(self) -> MappingServer<Self> {
+        let longest = self.0.config.max_message_bytes;
+        MappingServer::new(self)
+            .max_decoding_message_size(longest)
+            .accept_compressed(CompressionEncoding::Gzip)
+            .accept_compressed(CompressionEncoding::Zstd)
     }
 
     /// The calls, with health and reflection.
@@ -73,14 +94,10 @@ impl MappingService {
         let unfinished = Unfinished::new(config.max_unfinished_bytes, timeout);
         let watch =
             move |request: axum::extract::Request| request.map(|body| unfinished.watch(body));
-        let mapping = MappingServer::new(self)
-            .max_decoding_message_size(config.max_message_bytes)
-            .accept_compressed(CompressionEncoding::Gzip)
-            .accept_compressed(CompressionEncoding::Zstd);
         let routes = Routes::new(health_service)
             .add_service(reflection)
             .add_service(v1alpha)
-            .add_service(mapping);
+            .add_service(self.mapping());
         let router = routes.into_axum_router().layer(MapRequestLayer::new(watch));
         Ok(router.layer(from_fn_with_state(gate, guard)))
     }

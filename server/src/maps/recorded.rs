@@ -87,7 +87,7 @@ impl RecordedMaps {
         &self.engine
     }
 
-    pub(super) fn store(&self) -> &Store {
+    pub(crate) fn store(&self) -> &Store {
         &self.store
     }
 

@@ -14,6 +14,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tempfile::TempDir;
 
 const LOCK: &str = "lexsplat.lock";
 /// Ending of a map's folder.
@@ -63,6 +64,16 @@ impl Directory {
     /// The folder of a map that is not complete yet.
     pub(super) fn unfinished(&self, name: &str) -> PathBuf {
         self.path.join(format!("{name}{MAP}{BEING_WRITTEN}"))
+    }
+
+    /// A new folder that belongs to no map.
+    ///
+    /// # Errors
+    /// The system's.
+    pub(super) fn temporary(&self) -> std::io::Result<TempDir> {
+        // No map is called so, because of the dot.
+        let ending = format!("{MAP}{BEING_WRITTEN}");
+        tempfile::Builder::new().prefix(".temporary-").suffix(&ending).tempdir_in(&self.path)
     }
 
     /// Makes an unfinished folder, whose files are on disk, the folder of a map, which must have none.

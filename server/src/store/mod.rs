@@ -40,6 +40,7 @@ use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use tempfile::TempDir;
 
 /// The data directory with the recordings. Cheap to clone.
 #[derive(Clone, Default)]
@@ -165,6 +166,18 @@ impl Store {
     /// [`StoreError::Io`].
     pub(crate) fn maps(&self) -> Result<Vec<String>, StoreError> {
         self.directory.as_ref().map_or(Ok(Vec::new()), |directory| directory.maps())
+    }
+
+    /// A new folder for files that are needed for a while. Its end removes it, or the next start. It is on the
+    /// disk of the data directory, if there is one.
+    ///
+    /// # Errors
+    /// The system's.
+    pub(crate) fn temporary_folder(&self) -> std::io::Result<TempDir> {
+        match &self.directory {
+            Some(directory) => directory.temporary(),
+            None => tempfile::Builder::new().prefix("lexsplat-").tempdir(),
+        }
     }
 
     /// Whether frames are recorded.

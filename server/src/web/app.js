@@ -2,6 +2,7 @@
 import { asked, remember } from './address.js';
 import { choose, follow, refreshFrames, step } from './keyframes.js';
 import { has3d } from './channels.js';
+import { watchImport } from './imports.js';
 import { attempt, show, throttled } from './page.js';
 import { ask, forget } from './questions.js';
 import { api, json } from './server.js';
@@ -58,6 +59,7 @@ function open(name) {
   }
   openSpace(wanted);
   remember();
+  watchImport();
   if (!name) return;
   const events = new EventSource(api('/events'));
   events.onopen = () => live(true);

@@ -1,6 +1,7 @@
-// The dialog that manages maps: make, open, rename, delete, download, back up and restore them.
+// The dialog that manages maps: make, open, rename, delete, download, back up and restore them, and map recordings.
 import { element } from './page.js';
-import { call, json } from './server.js';
+import { listenForImports } from './imports.js';
+import { call, json, send } from './server.js';
 import { $, state } from './state.js';
 
 const REFRESH_MILLIS = 2000;
@@ -37,17 +38,19 @@ export function listenForManaging(open, changed) {
     $('manager-error').hidden = !error;
   }
 
-  // Runs a step that changes maps; shows its error, if any.
+  // Runs a step that changes maps; shows its error, if any. Returns whether it succeeded.
   async function change(step) {
+    let failure = null;
     try {
       await step();
-      show(null);
       renames = deletes = null;
       await changed();
     } catch (error) {
-      show(error);
+      failure = error;
     }
+    show(failure);
     await list();
+    return !failure;
   }
 
   async function list() {
@@ -184,7 +187,7 @@ export function listenForManaging(open, changed) {
     const [file] = $('restore-file').files;
     const name = $('restore-name').value.trim();
     change(async () => {
-      await upload(file, address(name, '/backup'));
+      await send(file, 'PUT', address(name, '/backup'), 'application/x-tar', $('restore-progress'));
       $('restore').reset();
     });
   };
@@ -193,6 +196,7 @@ export function listenForManaging(open, changed) {
     const [file] = $('restore-file').files;
     if (file && !$('restore-name').value) $('restore-name').value = file.name.replace(/(-backup|\.lexsplat)?\.tar$/, '');
   };
+  listenForImports(open, change);
   for (const opener of document.querySelectorAll('[data-opens=manager]')) {
     opener.onclick = () => {
       show(null);
@@ -213,24 +217,4 @@ function doing({ state: kind, loading, settled, refinement, frames_received: fra
   if (frames === 0) return 'empty';
   if (!settled) return 'working';
   return ['refining', 'converged'].includes(refinement) ? refinement : 'settled';
-}
-
-// Sends a backup and shows how far it is, which fetch cannot tell.
-function upload(file, path) {
-  const bar = $('restore-progress');
-  const request = new XMLHttpRequest();
-  return new Promise((done, failed) => {
-    request.open('PUT', path);
-    request.setRequestHeader('content-type', 'application/x-tar');
-    request.upload.onprogress = ({ loaded, total }) => { bar.max = total; bar.value = loaded; };
-    request.onload = () => {
-      if (request.status < 300) { done(); return; }
-      let detail = `${request.status} ${request.statusText}`;
-      try { detail = JSON.parse(request.responseText).detail ?? detail; } catch { /* It is no problem in JSON. */ }
-      failed(new Error(detail));
-    };
-    request.onerror = () => failed(new Error('the server does not answer'));
-    bar.hidden = false;
-    request.send(file);
-  }).finally(() => { bar.hidden = true; });
 }

@@ -15,7 +15,7 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Paths, types and texts of the page's files.
-const FILES: [(&str, &str, &str); 26] = [
+const FILES: [(&str, &str, &str); 27] = [
     ("/", HTML, include_str!("index.html")),
     ("/dashboard/space.css", CSS, include_str!("space.css")),
     ("/dashboard/style.css", CSS, include_str!("style.css")),
@@ -23,6 +23,7 @@ const FILES: [(&str, &str, &str); 26] = [
     ("/dashboard/app.js", JAVASCRIPT, include_str!("app.js")),
     ("/dashboard/channels.js", JAVASCRIPT, include_str!("channels.js")),
     ("/dashboard/floor.js", JAVASCRIPT, include_str!("floor.js")),
+    ("/dashboard/imports.js", JAVASCRIPT, include_str!("imports.js")),
     ("/dashboard/keyframes.js", JAVASCRIPT, include_str!("keyframes.js")),
     ("/dashboard/manage.js", JAVASCRIPT, include_str!("manage.js")),
     ("/dashboard/measure.js", JAVASCRIPT, include_str!("measure.js")),

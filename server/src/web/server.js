@@ -36,3 +36,23 @@ export async function array(path) {
   const shape = header.match(/'shape': \(([^)]*)\)/)[1].split(',').map((s) => s.trim()).filter(Boolean).map(Number);
   return { shape, values: new Float32Array(buffer.slice(10 + length)) };
 }
+
+// Sends a file and shows on a bar how far it is, which fetch cannot tell.
+export function send(file, method, path, type, bar) {
+  const request = new XMLHttpRequest();
+  return new Promise((done, failed) => {
+    request.open(method, path);
+    request.setRequestHeader('content-type', type);
+    request.upload.onprogress = ({ loaded, total }) => { bar.max = total; bar.value = loaded; };
+    request.onload = () => {
+      if (request.status < 300) { done(); return; }
+      let detail = `${request.status} ${request.statusText}`;
+      try { detail = JSON.parse(request.responseText).detail ?? detail; } catch { /* It is no problem in JSON. */ }
+      failed(new Error(detail));
+    };
+    request.onerror = () => failed(new Error('the server does not answer'));
+    bar.removeAttribute('value');
+    bar.hidden = false;
+    request.send(file);
+  }).finally(() => { bar.hidden = true; });
+}

@@ -105,5 +105,5 @@ async fn the_server_describes_itself() {
     for file in ["style.css", "app.js", "address.js", "plan.js", "view.js", "splat-renderer.js"] {
         assert!(files.contains(file), "{file} is used by the page");
     }
-    assert_eq!(files.len(), 26, "{files:?}");
+    assert_eq!(files.len(), 27, "{files:?}");
 }

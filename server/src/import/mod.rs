@@ -1,0 +1,152 @@
+//! Uploaded recordings: received, opened by the readers of the client library, and streamed into a map as a
+//! robot streams frames, through the same checks.
+//!
+//! A recording is on disk only while it is received and mapped. If the server stops meanwhile, the frames so far are in the map, and the same
+//! recording, sent again, goes on behind them.
+
+mod config;
+mod error;
+mod run;
+mod spool;
+mod unpack;
+
+#[cfg(test)]
+mod tests;
+
+pub use config::ImportsConfig;
+pub(crate) use error::ImportError;
+
+use crate::access::Caller;
+use crate::ingest::MappingService;
+use crate::pipeline::engine::check_name;
+use crate::store::Store;
+use lexsplat_client::stream::Poses;
+use lexsplat_proto::json::{self, ImportState};
+use run::Run;
+use spool::Spool;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::{Semaphore, oneshot};
+use tokio_util::sync::CancellationToken;
+
+/// Imports that have ended and are remembered.
+const REMEMBERED: usize = 64;
+
+/// The recordings that are received and mapped. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct Imports {
+    store: Store,
+    service: MappingService,
+    limits: ImportsConfig,
+    /// Bytes that must stay free on the disk.
+    kept_free: u64,
+    places: Arc<Semaphore>,
+    of_maps: Arc<Mutex<BTreeMap<String, Arc<Import>>>>,
+}
+
+/// The newest import into a map.
+#[derive(Default)]
+struct Import {
+    told: Mutex<json::Import>,
+    stop: CancellationToken,
+}
+
+impl Import {
+    fn told(&self) -> MutexGuard<'_, json::Import> {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn is_running(&self) -> bool {
+        matches!(self.told().state, ImportState::Receiving | ImportState::Mapping)
+    }
+}
+
+impl Imports {
+    /// Imports through `service`. Temporary files are put beside the recordings of `store`.
+    pub(crate) fn new(
+        store: Store,
+        service: MappingService,
+        limits: &ImportsConfig,
+        kept_free: u64,
+    ) -> Self {
+        let (places, of_maps) = (Arc::new(Semaphore::new(limits.at_once)), Arc::default());
+        Self { store, service, limits: limits.clone(), kept_free, places, of_maps }
+    }
+
+    /// Receives a recording and begins to map it, in the name of a caller who may write to the map. Where
+    /// poses come from is decided by whether most frames have one, unless it is said.
+    ///
+    /// # Errors
+    /// [`ImportError`], until the map is open for the frames. What comes after is told by [`Self::of`].
+    pub(crate) async fn begin(
+        &self,
+        map: &str,
+        caller: &Caller,
+        poses: Option<Poses>,
+        recording: impl Read + Send + 'static,
+    ) -> Result<json::Import, ImportError> {
+        check_name(map)?;
+        let place = self.places.clone().try_acquire_owned().map_err(|_| ImportError::Busy)?;
+        let import = self.take_place(map)?;
+        let spool = Spool::new(&self.store, &self.limits, self.kept_free);
+        let (opened, is_open) = oneshot::channel();
+        let run = Run {
+            map: map.to_owned(),
+            connection: self.service.called_by(caller.clone()),
+            poses,
+            import: import.clone(),
+        };
+        // To the end even if the sender is gone.
+        tokio::spawn(async move {
+            run.to_the_end(spool, recording, opened).await;
+            drop(place);
+        });
+        let begun = is_open.await.unwrap_or(Err(ImportError::Panicked));
+        if begun.is_err() {
+            // The answer tells why.
+            self.of_maps().retain(|_, other| !Arc::ptr_eq(other, &import));
+        }
+        begun.map(|()| import.told().clone())
+    }
+
+    fn take_place(&self, map: &str) -> Result<Arc<Import>, ImportError> {
+        let mut of_maps = self.of_maps();
+        if of_maps.get(map).is_some_and(|import| import.is_running()) {
+            return Err(ImportError::Already { map: map.to_owned() });
+        }
+        while of_maps.len() >= REMEMBERED {
+            let ended = of_maps.iter().find(|(_, import)| !import.is_running());
+            let Some(name) = ended.map(|(name, _)| name.clone()) else { break };
+            of_maps.remove(&name);
+        }
+        let import = Arc::<Import>::default();
+        of_maps.insert(map.to_owned(), import.clone());
+        Ok(import)
+    }
+
+    /// The newest import into a map since the server started.
+    pub(crate) fn of(&self, map: &str) -> Option<json::Import> {
+        self.of_maps().get(map).map(|import| import.told().clone())
+    }
+
+    /// Stops mapping a recording. Returns false if none is being mapped.
+    pub(crate) fn stop(&self, map: &str) -> bool {
+        let import = self.of_maps().get(map).filter(|import| import.is_running()).cloned();
+        import.is_some_and(|import| {
+            import.stop.cancel();
+            true
+        })
+    }
+
+    /// Forgets the import into a map that was deleted or renamed.
+    pub(crate) fn forget(&self, map: &str) {
+        if let Some(import) = self.of_maps().remove(map) {
+            import.stop.cancel();
+        }
+    }
+
+    fn of_maps(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Import>>> {
+        self.of_maps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,139 @@
+//! One recording on its way into a map.
+
+use super::Import;
+use super::error::ImportError;
+use super::spool::Spool;
+use lexsplat_client::Access;
+use lexsplat_client::dataset::{Dataset, DatasetError, with_poses};
+use lexsplat_client::layout::Layout;
+use lexsplat_client::stream::{
+    Connection, Encoder, Poses, StreamOptions, Summary, stream_over,
+};
+use lexsplat_proto::json::{ImportPoses, ImportState};
+use lexsplat_proto::v1::mapping_client::MappingClient;
+use std::io::Read;
+use std::sync::Arc;
+use tokio::sync::oneshot;
+
+/// Problems of frames that are told.
+const TOLD: usize = 5;
+
+/// What it takes to map a recording.
+pub(super) struct Run {
+    pub map: String,
+    /// Where its frames go.
+    pub connection: Connection,
+    /// Where poses come from, if it is said.
+    pub poses: Option<Poses>,
+    pub import: Arc<Import>,
+}
+
+type Opened = oneshot::Sender<Result<(), ImportError>>;
+
+impl Run {
+    /// Receives, opens and maps a recording. `opened` is told when the first frame may come, or why none will.
+    pub(super) async fn to_the_end(
+        self,
+        spool: Result<Spool, ImportError>,
+        recording: impl Read + Send + 'static,
+        opened: Opened,
+    ) {
+        let mut opened = Some(opened);
+        let stop = self.import.stop.clone();
+        let ended = tokio::select! {
+            ended = self.mapped(spool, recording, &mut opened) => ended,
+            () = stop.cancelled() => Err(ImportError::Stopped),
+        };
+        let mut told = self.import.told();
+        told.state = match &ended {
+            Ok(()) => ImportState::Done,
+            Err(ImportError::Stopped) => ImportState::Stopped,
+            Err(_) => ImportState::Failed,
+        };
+        if let Err(error) = ended {
+            tracing::info!(map = self.map, %error, "a recording was not mapped to its end");
+            if !matches!(error, ImportError::Stopped) {
+                told.error = Some(error.to_string());
+            }
+            // If this fails, nobody waits, or it was told before.
+            let _ = opened.take().map(|opened| opened.send(Err(error)));
+        }
+    }
+
+    async fn mapped(
+        &self,
+        spool: Result<Spool, ImportError>,
+        recording: impl Read + Send + 'static,
+        opened: &mut Option<Opened>,
+    ) -> Result<(), ImportError> {
+        let (spool, asked) = (Arc::new(spool?), self.poses);
+        let receiving = spool.clone();
+        let received = tokio::task::spawn_blocking(move || {
+            let (layout, dataset) = receiving.receive(recording)?;
+            posed(dataset, asked)
+                .map(|(poses, dataset)| (layout, poses, dataset))
+                .map_err(|error| ImportError::Refused(receiving.plain(&error.whole())))
+        });
+        let (layout, poses, dataset) = received.await.map_err(|_| ImportError::Panicked)??;
+        self.tell(&spool, layout, poses, &*dataset);
+        let options = StreamOptions {
+            grpc: "this server".into(),
+            access: Access::default(),
+            map: self.map.clone(),
+            poses,
+            encoder: Encoder::Bundle,
+            hold_out_every: None,
+            realtime: false,
+        };
+        let client = MappingClient::new(self.connection.clone());
+        let summary = stream_over(client, Arc::from(dataset), &options, |progress| {
+            let mut told = self.import.told();
+            told.state = ImportState::Mapping;
+            (told.frames_done, told.frames_total) = (progress.acknowledged, progress.total);
+            drop(told);
+            let _ = opened.take().map(|opened| opened.send(Ok(())));
+        });
+        self.tell_outcome(&spool, &summary.await?);
+        Ok(())
+    }
+
+    fn tell(&self, spool: &Spool, layout: Layout, poses: Poses, dataset: &dyn Dataset) {
+        let mut told = self.import.told();
+        told.layout = Some(layout.name().into());
+        told.poses = Some(match poses {
+            Poses::Given => ImportPoses::Given,
+            Poses::Estimate => ImportPoses::Estimated,
+        });
+        told.frames_total = dataset.len() as u64;
+        told.frames_left_out = dataset.skipped().len() as u64;
+        told.notes = dataset.notes().iter().map(|note| spool.plain(note)).collect();
+        told.problems = dataset.skipped().iter().take(TOLD).map(|why| spool.plain(why)).collect();
+    }
+
+    fn tell_outcome(&self, spool: &Spool, summary: &Summary) {
+        let mut told = self.import.told();
+        told.frames_resumed_past = summary.resumed_past;
+        told.frames_refused = summary.refused;
+        told.frames_left_out += summary.left_out;
+        let left_out = summary.left_out_frames.iter();
+        let left_out =
+            left_out.map(|frame| format!("frame {}: {}", frame.sequence, frame.reason));
+        let refused = summary.refusals.iter().map(|refusal| {
+            format!("frame {}: {}: {}", refusal.sequence, refusal.field, refusal.reason)
+        });
+        let all = refused.chain(left_out).map(|problem| spool.plain(&problem));
+        told.problems.extend(all);
+    }
+}
+
+type Posed = (Poses, Box<dyn Dataset>);
+
+/// The frames that are mapped: poses are given if most frames have one, unless it is said.
+fn posed(dataset: Box<dyn Dataset>, asked: Option<Poses>) -> Result<Posed, DatasetError> {
+    let without = (0..dataset.len()).filter(|&at| dataset.no_pose(at).is_some()).count();
+    let usual = if 2 * without > dataset.len() { Poses::Estimate } else { Poses::Given };
+    match asked.unwrap_or(usual) {
+        Poses::Given => Ok((Poses::Given, with_poses(dataset)?)),
+        Poses::Estimate => Ok((Poses::Estimate, dataset)),
+    }
+}
