@@ -34,13 +34,13 @@ pub enum Layout {
 
 /// Layouts of one file, with its extension and the bytes that it begins with.
 const FILES: [(Layout, &str, &[u8]); 4] = [
-    (Layout::Mcap, "mcap", &mcap::MAGIC),
+    (Layout::Mcap, "mcap", mcap::MAGIC),
     (Layout::Rosbag2, "db3", b"SQLite format 3\0"),
     (Layout::R3d, "r3d", b"PK\x03\x04"),
     // Version 4 of the format.
     (Layout::ScanNet, "sens", &[4, 0, 0, 0]),
 ];
-/// A longer beginning is not needed.
+/// Bytes of the longest of them.
 const BEGINNING: u64 = 16;
 
 impl Layout {
@@ -165,4 +165,26 @@ fn of_folder(folder: &Path) -> Result<Layout, String> {
             folder.display()
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_known_by_its_first_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("upload");
+        let of = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            Layout::of_content(&path).unwrap()
+        };
+        for (layout, _, beginning) in FILES {
+            assert_eq!(of(&[beginning, b"and more"].concat()), Some(layout));
+            assert_eq!(of(&beginning[..beginning.len() - 1]), None, "{layout}: cut off");
+            assert!(beginning.len() as u64 <= BEGINNING);
+        }
+        assert_eq!((of(b""), of(b"#ROSBAG V2.0\n")), (None, None));
+        assert!(Layout::of_content(folder.path()).is_err());
+    }
 }

@@ -120,8 +120,7 @@ pub async fn serve(
     maps.find_recordings()?;
     let stopping = CancellationToken::new();
     let _stop_on_return = stopping.clone().drop_guard();
-    let service =
-        MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
+    let service = MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
     let kept_free = config.recording.low_bytes;
     let imports = Imports::new(maps.store().clone(), service.clone(), &config.imports, kept_free);
     let router = http::router(http::Context {

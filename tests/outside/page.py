@@ -3,7 +3,8 @@
 
     page.py http://127.0.0.1:8080/ CHROMIUM FOLDER
 
-The server has the maps "room" and "other". Once the file FOLDER/more is there, somebody sends more
+The server has the maps "room" and "other". FOLDER has a recording of 12 frames, `walk.zip`, and
+`room.png`, which is none. Once the file FOLDER/more is there, somebody sends more
 frames to "room". Screenshots are left in FOLDER.
 """
 
@@ -173,6 +174,29 @@ def manages(page: Page, folder: Path) -> None:
     expect(page.locator("#maps option", has_text="attic")).to_have_count(0)
 
 
+def uploads(page: Page, folder: Path) -> None:
+    """Uploads a recording and watches it being mapped."""
+    page.get_by_role("button", name="Manage maps").click()
+    page.set_input_files("#import-file", folder / "room.png")
+    assert page.input_value("#import-name") == "room"
+    page.fill("#import-name", "walk")
+    page.click("#import button")
+    expect(page.locator("#manager-error")).to_contain_text("expected", timeout=TIMEOUT_MS)
+    page.set_input_files("#import-file", folder / "walk.zip")
+    page.click("#import button")
+    expect(page.locator("#manager")).to_be_hidden(timeout=TIMEOUT_MS)
+    expect(page.locator("#importing-text")).to_contain_text("frames", timeout=TIMEOUT_MS)
+    expect(page.locator("#importing-text")).to_contain_text(
+        "is mapped: 12 of 12 frames", timeout=TIMEOUT_MS
+    )
+    assert "map=walk" in page.url, page.url
+    expect(page.locator("#strip button").first).to_be_visible(timeout=TIMEOUT_MS)
+    page.reload()
+    page.wait_for_selector("#strip button", timeout=TIMEOUT_MS)
+    expect(page.locator("#importing")).to_be_hidden()
+    page.select_option("#maps", "room")
+
+
 def says_what_is_wrong(page: Page) -> None:
     ask(page, "not a wall")
     expect(page.locator("#error")).to_be_visible(timeout=TIMEOUT_MS)
@@ -201,10 +225,12 @@ def is_accessible(page: Page) -> None:
       report.violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`))"""
     for theme in ("dark", "light"):
         page.emulate_media(color_scheme=theme)
-        assert page.evaluate(check) == [], theme
+        broken = page.evaluate(check)
+        assert broken == [], f"{theme}: {broken}"
         page.get_by_role("button", name="Manage maps").click()
         expect(row(page, "room")).to_be_visible(timeout=TIMEOUT_MS)
-        assert page.evaluate(check) == [], theme
+        broken = page.evaluate(check)
+        assert broken == [], f"{theme}: {broken}"
         page.get_by_role("button", name="close").click()
     # Negative control: a picture that says nothing.
     page.get_by_role("button", name="Manage maps").click()
@@ -230,6 +256,7 @@ def main() -> None:
             lambda: is_live(page, folder),
             lambda: has_a_time_line(page),
             lambda: manages(page, folder),
+            lambda: uploads(page, folder),
             lambda: says_what_is_wrong(page),
             lambda: fits(page),
             lambda: is_accessible(page),

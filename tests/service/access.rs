@@ -32,11 +32,7 @@ fn token(file: &Path, name: &str, scopes: &[Scope], maps: &str) -> String {
 }
 
 impl Asking {
-    async fn start(public: &[&str]) -> Self {
-        Self::start_with(public, |_| {}).await
-    }
-
-    async fn start_with(public: &[&str], change: impl Fn(&mut Config)) -> Self {
+    async fn start(public: &[&str], change: impl Fn(&mut Config)) -> Self {
         let folder = tempfile::tempdir().expect("a folder can be made");
         let file = folder.path().join("tokens");
         token(&file, "first", &Scope::ALL, "*");
@@ -89,7 +85,7 @@ fn body(path: &str) -> Value {
 }
 
 /// Each route, and the scope that it needs; `None`: everybody may.
-const ROUTES: [(&str, &str, Option<Scope>); 24] = [
+const ROUTES: [(&str, &str, Option<Scope>); 27] = [
     ("GET", "/", None),
     ("GET", "/dashboard/app.js", None),
     ("GET", "/docs", None),
@@ -110,6 +106,9 @@ const ROUTES: [(&str, &str, Option<Scope>); 24] = [
     ("POST", "/v1/maps/kitchen/render", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/export/splats.ply", Some(Scope::Read)),
     ("GET", "/v1/maps/kitchen/events", Some(Scope::Read)),
+    ("GET", "/v1/maps/kitchen/import", Some(Scope::Read)),
+    ("POST", "/v1/maps/kitchen/import", Some(Scope::Write)),
+    ("DELETE", "/v1/maps/kitchen/import", Some(Scope::Write)),
     ("GET", "/v1/maps/kitchen/backup", Some(Scope::Admin)),
     ("PUT", "/v1/maps/kitchen/backup", Some(Scope::Admin)),
     ("PATCH", "/v1/maps/kitchen", Some(Scope::Admin)),
@@ -125,7 +124,7 @@ fn all_but(scope: Scope) -> Vec<Scope> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn every_route_asks_for_its_scope_and_map() {
-    let asking = Asking::start(&["healthz", "readyz", "openapi"]).await;
+    let asking = Asking::start(&["healthz", "readyz", "openapi"], |_| {}).await;
     let of = |scope: Scope| token(&asking.file, &format!("has-{scope}"), &[scope], "*");
     let [read, write, admin] = Scope::ALL.map(of);
     let elsewhere = token(&asking.file, "elsewhere", &Scope::ALL, "hall*");
@@ -171,7 +170,7 @@ async fn every_route_asks_for_its_scope_and_map() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_table_has_every_route_and_what_is_closed_is_closed() {
-    let asking = Asking::start(&["openapi"]).await;
+    let asking = Asking::start(&["openapi"], |_| {}).await;
     let document = asking.request("GET", "/openapi.json", None).send().await.expect("an answer");
     let document: Value = document.json().await.expect("it is JSON");
     let mut described = BTreeSet::new();
@@ -306,7 +305,7 @@ impl Caller {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn every_call_asks_for_its_scope_and_map() {
-    let asking = Asking::start(&[]).await;
+    let asking = Asking::start(&[], |_| {}).await;
     let of = |scope: Scope| token(&asking.file, &format!("has-{scope}"), &[scope], "kitchen*");
     let tokens = Scope::ALL.map(of);
     let lacks = |scope| token(&asking.file, &format!("lacks-{scope}"), &all_but(scope), "*");
@@ -335,7 +334,7 @@ async fn every_call_asks_for_its_scope_and_map() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn lists_show_the_maps_that_the_caller_may_use() {
-    let asking = Asking::start(&[]).await;
+    let asking = Asking::start(&[], |_| {}).await;
     let all = token(&asking.file, "all", &Scope::ALL, "*");
     let some = token(&asking.file, "some", &[Scope::Read], "kitchen*,attic");
     asking.until(&some, StatusCode::OK).await;
@@ -359,7 +358,7 @@ async fn lists_show_the_maps_that_the_caller_may_use() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn tokens_come_and_go_while_the_server_runs() {
-    let asking = Asking::start(&[]).await;
+    let asking = Asking::start(&[], |_| {}).await;
     let stays = token(&asking.file, "stays", &[Scope::Read], "*");
     let goes = token(&asking.file, "goes", &[Scope::Read], "*");
     asking.until(&goes, StatusCode::OK).await;
@@ -385,7 +384,7 @@ async fn tokens_come_and_go_while_the_server_runs() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_browser_logs_in_with_a_cookie_that_scripts_cannot_read() {
-    let asking = Asking::start(&[]).await;
+    let asking = Asking::start(&[], |_| {}).await;
     let reader = token(&asking.file, "reader", &[Scope::Read, Scope::Write], "*");
     asking.until(&reader, StatusCode::OK).await;
     let created = asking.status("POST", "/v1/maps", Some(&reader)).await;
@@ -420,7 +419,7 @@ async fn a_browser_logs_in_with_a_cookie_that_scripts_cannot_read() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_command_line_sends_its_token_and_never_shows_it() {
-    let asking = Asking::start(&[]).await;
+    let asking = Asking::start(&[], |_| {}).await;
     let reader = token(&asking.file, "reader", &[Scope::Read], "*");
     asking.until(&reader, StatusCode::OK).await;
     let http = asking.server.http.clone();
@@ -448,7 +447,7 @@ async fn the_command_line_sends_its_token_and_never_shows_it() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn streams_and_events_end_when_their_token_is_withdrawn() {
-    let asking = Asking::start(&[]).await;
+    let asking = Asking::start(&[], |_| {}).await;
     let goes = token(&asking.file, "goes", &Scope::ALL, "*");
     asking.until(&goes, StatusCode::OK).await;
     let mut robot = asking.caller(Some(&goes)).await;
@@ -483,7 +482,7 @@ async fn readiness_names_maps_to_those_only_who_may_use_all() {
     std::fs::write(folder.join("0.mcap.damaged-1"), "damaged").expect("it can be written");
     let path = data.path().to_owned();
     let asking =
-        Asking::start_with(&["readyz"], |config| config.server.data_dir = Some(path.clone())).await;
+        Asking::start(&["readyz"], |config| config.server.data_dir = Some(path.clone())).await;
     let some = token(&asking.file, "some", &Scope::ALL, "kitchen");
     let all = token(&asking.file, "all", &[Scope::Read], "*");
     asking.until(&all, StatusCode::OK).await;

@@ -1,6 +1,6 @@
 //! The dashboard in a real browser.
 
-use lexsplat_tests::{Robot, Server, python, said, tiny_config};
+use lexsplat_tests::{Robot, Server, python, said, tiny_config, zipped_walk};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -58,7 +58,10 @@ async fn a_browser_opens_asks_changes_views_and_maps_and_sees_the_map_grow() {
     server.send(first).await.expect("they are taken");
     server.stream(&Robot::new(7, 6), "other").await;
     server.settled("room").await;
+    let recording = zipped_walk(7, 12);
+    std::fs::write(folder.path().join("walk.zip"), recording).expect("it can be written");
+    std::fs::write(folder.path().join("room.png"), b"no recording").expect("it can be written");
     let told = used("tests/outside/page.py", chromium, &server, &robot, folder.path()).await;
-    assert!(told.contains("12 steps"), "{told}");
+    assert!(told.contains("13 steps"), "{told}");
     server.stop().await;
 }

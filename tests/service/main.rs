@@ -21,6 +21,7 @@ mod examples;
 mod exports;
 mod extremes;
 mod faults;
+mod imports;
 mod input_check;
 mod kills;
 mod labels;

@@ -7,12 +7,14 @@ pub mod bundle;
 pub mod onnx;
 mod outside;
 mod process;
+mod recording;
 mod robot;
 mod server;
 
 pub use authority::{Authority, Certified};
 pub use outside::{python, said};
 pub use process::{ServerProcess, program};
+pub use recording::{zipped, zipped_walk};
 pub use robot::{Robot, raw};
 pub use server::{Server, first_error, tiny_config};
 

@@ -137,8 +137,7 @@ impl Found {
             let confidence =
                 confidence.map(|other| root.listed(&beside(depth, &described.depth.files, other)));
             let confidence = confidence.transpose();
-            let confidence =
-                confidence.map_err(|reason| DatasetError::content(path, reason))?;
+            let confidence = confidence.map_err(|reason| DatasetError::content(path, reason))?;
             let extras = FrameExtras { depth_timestamp_nanos: depth_nanos, ..Default::default() };
             Ok((
                 Shot { sequence, nanos, world_from_camera, extras },

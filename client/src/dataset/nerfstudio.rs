@@ -174,9 +174,8 @@ fn pose(rows: &[Vec<f64>], applied_scale: f64) -> MaybePose {
 impl Transforms {
     /// The frames with depth, and why others are left out.
     fn found(&self, root: &Root, path: &Path, applied_scale: f64) -> Result<Found, DatasetError> {
-        let picture = |name: &str| {
-            picture(root, name).map_err(|reason| DatasetError::content(path, reason))
-        };
+        let picture =
+            |name: &str| picture(root, name).map_err(|reason| DatasetError::content(path, reason));
         let (mut shots, mut files, mut skipped) = (Vec::new(), Vec::new(), Vec::new());
         for (sequence, listed) in (0..).zip(&self.frames) {
             let color = picture(&listed.file_path)?;

@@ -17,8 +17,7 @@ use tower::util::BoxCloneSyncService;
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
 /// Where calls go: a server, or a service in this process.
-pub type Connection =
-    BoxCloneSyncService<http::Request<Body>, http::Response<Body>, Status>;
+pub type Connection = BoxCloneSyncService<http::Request<Body>, http::Response<Body>, Status>;
 
 /// Adds the token to each call.
 #[derive(Clone)]
@@ -71,7 +70,9 @@ pub(super) async fn connect(
         }
     })?;
     let calls = InterceptedService::new(channel, bearer);
-    let calls = calls.map_response(|response| response.map(Body::new)).map_err(|error| Status::from_error(error.into()));
+    let calls = calls
+        .map_response(|response| response.map(Body::new))
+        .map_err(|error| Status::from_error(error.into()));
     Ok(MappingClient::new(BoxCloneSyncService::new(calls)))
 }
 

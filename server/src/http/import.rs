@@ -11,7 +11,6 @@ use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::IntoResponse;
 use axum::{Extension, Json};
-use lexsplat_client::stream::Poses;
 use lexsplat_proto::json::{self, ImportPoses};
 use serde::Deserialize;
 use tonic::Code;
@@ -57,10 +56,6 @@ pub(super) async fn begin(
     headers: HeaderMap,
     body: Body,
 ) -> Result<impl IntoResponse, Problem> {
-    let poses = poses.map(|poses| match poses {
-        ImportPoses::Given => Poses::Given,
-        ImportPoses::Estimated => Poses::Estimate,
-    });
     let begun = with_received(body, state.body_limit, async |received| {
         expect_type(&headers, FILE)?;
         Ok(state.imports.begin(segments.get("name"), &caller, poses, received).await?)

@@ -8,7 +8,9 @@ use super::event_log::EventLogs;
 use super::file_cache::FileCache;
 use super::guard::guard;
 use super::state::Shared;
-use super::{answers, backup, events, export, health, import, map, openapi, query, render, session};
+use super::{
+    answers, backup, events, export, health, import, map, openapi, query, render, session,
+};
 use crate::access::Gate;
 use crate::import::Imports;
 use crate::maps::RecordedMaps;
@@ -78,10 +80,7 @@ pub(crate) fn router(context: Context) -> Router {
         .route("/v1/maps/{name}/render", get(render::of_frame).post(render::of_view))
         .route("/v1/maps/{name}/export/{file}", get(export::file))
         .route("/v1/maps/{name}/backup", get(backup::take).put(backup::put))
-        .route(
-            "/v1/maps/{name}/import",
-            get(import::show).post(import::begin).delete(import::stop),
-        )
+        .route("/v1/maps/{name}/import", get(import::show).post(import::begin).delete(import::stop))
         .route("/v1/maps/{name}/events", get(events::stream))
         .fallback(not_found)
         .with_state(shared)

@@ -18,7 +18,9 @@ pub(crate) enum ImportError {
     Slow { reason: String },
     #[error("the recording has more than {most} bytes (imports.max_bytes)")]
     TooLarge { most: u64 },
-    #[error("the disk has no room for the recording: {free} bytes are free, and {kept} are kept free")]
+    #[error(
+        "the disk has no room for the recording: {free} bytes are free, and {kept} are kept free"
+    )]
     NoRoom { free: u64, kept: u64 },
     /// It is no recording, or none that can be mapped.
     #[error("{0}")]

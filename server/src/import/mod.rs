@@ -1,11 +1,13 @@
 //! Uploaded recordings: received, opened by the readers of the client library, and streamed into a map as a
 //! robot streams frames, through the same checks.
 //!
-//! A recording is on disk only while it is received and mapped. If the server stops meanwhile, the frames so far are in the map, and the same
-//! recording, sent again, goes on behind them.
+//! A recording is on disk only while it is received and mapped. If the server stops meanwhile, the frames so far
+//! are in the map, and the same recording, sent again, goes on behind them.
 
 mod config;
 mod error;
+mod progress;
+mod room;
 mod run;
 mod spool;
 mod unpack;
@@ -20,15 +22,14 @@ use crate::access::Caller;
 use crate::ingest::MappingService;
 use crate::pipeline::engine::check_name;
 use crate::store::Store;
-use lexsplat_client::stream::Poses;
-use lexsplat_proto::json::{self, ImportState};
+use lexsplat_proto::json::{self, ImportPoses};
+use progress::Import;
 use run::Run;
 use spool::Spool;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Semaphore, oneshot};
-use tokio_util::sync::CancellationToken;
 
 /// Imports that have ended and are remembered.
 const REMEMBERED: usize = 64;
@@ -43,23 +44,6 @@ pub(crate) struct Imports {
     kept_free: u64,
     places: Arc<Semaphore>,
     of_maps: Arc<Mutex<BTreeMap<String, Arc<Import>>>>,
-}
-
-/// The newest import into a map.
-#[derive(Default)]
-struct Import {
-    told: Mutex<json::Import>,
-    stop: CancellationToken,
-}
-
-impl Import {
-    fn told(&self) -> MutexGuard<'_, json::Import> {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn is_running(&self) -> bool {
-        matches!(self.told().state, ImportState::Receiving | ImportState::Mapping)
-    }
 }
 
 impl Imports {
@@ -83,7 +67,7 @@ impl Imports {
         &self,
         map: &str,
         caller: &Caller,
-        poses: Option<Poses>,
+        poses: Option<ImportPoses>,
         recording: impl Read + Send + 'static,
     ) -> Result<json::Import, ImportError> {
         check_name(map)?;
@@ -99,7 +83,7 @@ impl Imports {
         };
         // To the end even if the sender is gone.
         tokio::spawn(async move {
-            run.to_the_end(spool, recording, opened).await;
+            run.map(spool, recording, opened).await;
             drop(place);
         });
         let begun = is_open.await.unwrap_or(Err(ImportError::Panicked));

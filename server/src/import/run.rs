@@ -1,14 +1,12 @@
 //! One recording on its way into a map.
 
-use super::Import;
 use super::error::ImportError;
+use super::progress::Import;
 use super::spool::Spool;
 use lexsplat_client::Access;
 use lexsplat_client::dataset::{Dataset, DatasetError, with_poses};
 use lexsplat_client::layout::Layout;
-use lexsplat_client::stream::{
-    Connection, Encoder, Poses, StreamOptions, Summary, stream_over,
-};
+use lexsplat_client::stream::{Connection, Encoder, Poses, StreamOptions, Summary, stream_over};
 use lexsplat_proto::json::{ImportPoses, ImportState};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use std::io::Read;
@@ -24,7 +22,7 @@ pub(super) struct Run {
     /// Where its frames go.
     pub connection: Connection,
     /// Where poses come from, if it is said.
-    pub poses: Option<Poses>,
+    pub poses: Option<ImportPoses>,
     pub import: Arc<Import>,
 }
 
@@ -32,7 +30,7 @@ type Opened = oneshot::Sender<Result<(), ImportError>>;
 
 impl Run {
     /// Receives, opens and maps a recording. `opened` is told when the first frame may come, or why none will.
-    pub(super) async fn to_the_end(
+    pub(super) async fn map(
         self,
         spool: Result<Spool, ImportError>,
         recording: impl Read + Send + 'static,
@@ -80,7 +78,10 @@ impl Run {
             grpc: "this server".into(),
             access: Access::default(),
             map: self.map.clone(),
-            poses,
+            poses: match poses {
+                ImportPoses::Given => Poses::Given,
+                ImportPoses::Estimated => Poses::Estimate,
+            },
             encoder: Encoder::Bundle,
             hold_out_every: None,
             realtime: false,
@@ -97,13 +98,10 @@ impl Run {
         Ok(())
     }
 
-    fn tell(&self, spool: &Spool, layout: Layout, poses: Poses, dataset: &dyn Dataset) {
+    fn tell(&self, spool: &Spool, layout: Layout, poses: ImportPoses, dataset: &dyn Dataset) {
         let mut told = self.import.told();
         told.layout = Some(layout.name().into());
-        told.poses = Some(match poses {
-            Poses::Given => ImportPoses::Given,
-            Poses::Estimate => ImportPoses::Estimated,
-        });
+        told.poses = Some(poses);
         told.frames_total = dataset.len() as u64;
         told.frames_left_out = dataset.skipped().len() as u64;
         told.notes = dataset.notes().iter().map(|note| spool.plain(note)).collect();
@@ -116,8 +114,7 @@ impl Run {
         told.frames_refused = summary.refused;
         told.frames_left_out += summary.left_out;
         let left_out = summary.left_out_frames.iter();
-        let left_out =
-            left_out.map(|frame| format!("frame {}: {}", frame.sequence, frame.reason));
+        let left_out = left_out.map(|frame| format!("frame {}: {}", frame.sequence, frame.reason));
         let refused = summary.refusals.iter().map(|refusal| {
             format!("frame {}: {}: {}", refusal.sequence, refusal.field, refusal.reason)
         });
@@ -126,14 +123,15 @@ impl Run {
     }
 }
 
-type Posed = (Poses, Box<dyn Dataset>);
+type Posed = (ImportPoses, Box<dyn Dataset>);
 
 /// The frames that are mapped: poses are given if most frames have one, unless it is said.
-fn posed(dataset: Box<dyn Dataset>, asked: Option<Poses>) -> Result<Posed, DatasetError> {
+fn posed(dataset: Box<dyn Dataset>, asked: Option<ImportPoses>) -> Result<Posed, DatasetError> {
     let without = (0..dataset.len()).filter(|&at| dataset.no_pose(at).is_some()).count();
-    let usual = if 2 * without > dataset.len() { Poses::Estimate } else { Poses::Given };
+    let usual =
+        if 2 * without > dataset.len() { ImportPoses::Estimated } else { ImportPoses::Given };
     match asked.unwrap_or(usual) {
-        Poses::Given => Ok((Poses::Given, with_poses(dataset)?)),
-        Poses::Estimate => Ok((Poses::Estimate, dataset)),
+        ImportPoses::Given => Ok((ImportPoses::Given, with_poses(dataset)?)),
+        ImportPoses::Estimated => Ok((ImportPoses::Estimated, dataset)),
     }
 }

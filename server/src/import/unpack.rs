@@ -1,7 +1,7 @@
 //! Unpacking a zip from somebody else, and finding the recording in it.
 
 use super::error::ImportError;
-use super::spool::Spool;
+use super::room::Room;
 use lexsplat_client::layout::Layout;
 use std::fs::File;
 use std::io::BufReader;
@@ -25,15 +25,18 @@ pub(super) fn is_record3d(zip: &Path) -> bool {
 ///
 /// # Errors
 /// [`ImportError::Refused`], [`ImportError::TooLarge`], [`ImportError::NoRoom`], [`ImportError::Io`].
-pub(super) fn unpack(zip: &Path, folder: &Path, spool: &Spool) -> Result<(), ImportError> {
+pub(super) fn unpack(zip: &Path, folder: &Path, room: &Room) -> Result<(), ImportError> {
     let wrong = |reason: String| ImportError::Refused(format!("the zip: {reason}"));
     let file = File::open(zip).map_err(ImportError::Io)?;
     let mut archive =
         ZipArchive::new(BufReader::new(file)).map_err(|error| wrong(error.to_string()))?;
-    let limits = spool.limits();
+    let limits = &room.limits;
     if archive.len() as u64 > limits.max_files {
         let most = limits.max_files;
-        return Err(wrong(format!("it has {} files, at most {most} may be (imports.max_files)", archive.len())));
+        return Err(wrong(format!(
+            "it has {} files, at most {most} may be (imports.max_files)",
+            archive.len()
+        )));
     }
     std::fs::create_dir(folder).map_err(ImportError::Io)?;
     let mut left = limits.max_bytes;
@@ -42,7 +45,9 @@ pub(super) fn unpack(zip: &Path, folder: &Path, spool: &Spool) -> Result<(), Imp
         let name = entry.name().map_err(|error| wrong(error.to_string()))?.into_owned();
         let inside = entry.enclosed_name().filter(|_| !entry.is_symlink());
         let Some(inside) = inside else {
-            return Err(wrong(format!("{name:?}: expected a file in a folder, found a link or a path that leaves it")));
+            return Err(wrong(format!(
+                "{name:?}: expected a file in a folder, found a link or a path that leaves it"
+            )));
         };
         if entry.is_dir() || inside.starts_with(NOISE) {
             continue;
@@ -55,7 +60,7 @@ pub(super) fn unpack(zip: &Path, folder: &Path, spool: &Spool) -> Result<(), Imp
             return Err(wrong(format!("{name:?} is there twice")));
         }
         let damaged = |error: &std::io::Error| wrong(format!("{name:?} is damaged: {error}"));
-        left -= spool.copy(&mut entry, &path, left, damaged)?;
+        left -= room.copy(&mut entry, &path, left, damaged)?;
     }
     Ok(())
 }
@@ -73,7 +78,10 @@ pub(super) fn find(folder: &Path) -> Result<(Layout, PathBuf), String> {
         many => {
             let names = many.iter().take(5).map(|(_, path)| path.display().to_string());
             let names = names.collect::<Vec<_>>().join(", ");
-            Err(format!("expected one recording, found {} ({names}): send them one by one", many.len()))
+            Err(format!(
+                "expected one recording, found {} ({names}): send them one by one",
+                many.len()
+            ))
         }
     }
 }

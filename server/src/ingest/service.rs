@@ -13,7 +13,6 @@ use crate::pipeline::query::Client;
 use axum::Router;
 use axum::http;
 use axum::middleware::from_fn_with_state;
-use lexsplat_client::stream::Connection;
 use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
 use lexsplat_proto::{DESCRIPTORS, v1};
 use prost::Message as _;
@@ -36,6 +35,9 @@ pub enum IngestError {
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
+/// Calls from inside this process.
+pub(crate) type Calls = BoxCloneSyncService<http::Request<Body>, http::Response<Body>, Status>;
+
 /// The `lexsplat.v1.Mapping` service.
 #[derive(Clone)]
 pub(crate) struct MappingService(Context, Gate);
@@ -53,11 +55,12 @@ impl MappingService {
     }
 
     /// Calls of a caller who was let in already, from inside this process.
-    pub(crate) fn called_by(&self, caller: Caller) -> Connection {
-        let service = self.clone().mapping().map_request(move |mut request: http::Request<Body>| {
-            request.extensions_mut().insert(caller.clone());
-            request
-        });
+    pub(crate) fn called_by(&self, caller: Caller) -> Calls {
+        let service =
+            self.clone().mapping().map_request(move |mut request: http::Request<Body>| {
+                request.extensions_mut().insert(caller.clone());
+                request
+            });
         BoxCloneSyncService::new(service.map_err(|never| match never {}))
     }
 

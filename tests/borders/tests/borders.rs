@@ -337,14 +337,16 @@ fn one_place_knows_onnx_runtime() {
 }
 
 #[test]
-fn client_and_server_meet_in_proto_only() {
+fn client_and_server_meet_in_proto_and_uploaded_recordings_only() {
     for folder in CLIENT_FOLDERS {
         assert_never_names(folder, &["lexsplat_server", "lexsplat_gpu", "lexsplat_tests"], &[]);
     }
     let clients = ["lexsplat_client", "lexsplat_synthetic", "lexsplat_evaluate"];
     assert_never_names("client/src", &clients[1..], &[]);
     assert_never_names("client/synthetic/src", &clients[2..], &[]);
-    assert_never_names("server/src", &clients, &[]);
+    // Uploaded recordings are read and streamed as on the command line.
+    assert_never_names("server/src", &clients, &["server/src/import"]);
+    assert_never_names("server/src/import", &clients[1..], &[]);
     assert_never_names("server/src", &["lexsplat_tests"], &[]);
     let server = ["lexsplat_server", "lexsplat_client", "lexsplat_gpu", "lexsplat_tests"];
     assert_never_names("proto/src", &server, &[]);
@@ -358,7 +360,8 @@ fn client_and_server_meet_in_proto_only() {
         ("client/evaluate", "lexsplat-gpu"),
         ("client/cli", "lexsplat-server"),
         ("client/cli", "lexsplat-gpu"),
-        ("server", "lexsplat-client"),
+        ("server", "lexsplat-synthetic"),
+        ("server", "lexsplat-evaluate"),
         ("gpu", "lexsplat-server"),
     ] {
         let manifest = fs::read_to_string(root().join(package).join("Cargo.toml"))

@@ -125,7 +125,14 @@ pub const CRATES: &[Declared] = &[
         root: "lib.rs",
         levels: &[
             &["access", "npy"],
-            &["dataset/error", "dataset/frame", "dataset/name", "dataset/natural", "dataset/root", "dataset/text"],
+            &[
+                "dataset/error",
+                "dataset/frame",
+                "dataset/name",
+                "dataset/natural",
+                "dataset/root",
+                "dataset/text",
+            ],
             &["dataset/decoded", "dataset/truth"],
             &["dataset/source"],
             &["dataset/layer"],

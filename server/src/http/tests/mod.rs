@@ -7,6 +7,8 @@ mod service;
 
 use super::{Context, HttpConfig, router};
 use crate::access::{AccessConfig, Gate};
+use crate::import::{Imports, ImportsConfig};
+use crate::ingest::{IngestConfig, MappingService};
 use crate::maps::RecordedMaps;
 use crate::pipeline::frame::{Frame, FrameUp};
 use crate::store::Store;
@@ -50,9 +52,18 @@ impl Reply {
 impl Server {
     fn start() -> Self {
         let stopping = CancellationToken::new();
+        let maps = RecordedMaps::new(engine(), Store::default());
+        let gate = Gate::new(AccessConfig::default()).unwrap();
+        let service = MappingService::new(
+            maps.clone(),
+            gate.clone(),
+            &IngestConfig::default(),
+            stopping.clone(),
+        );
         let router = router(Context {
-            maps: RecordedMaps::new(engine(), Store::default()),
-            gate: Gate::new(AccessConfig::default()).unwrap(),
+            imports: Imports::new(Store::default(), service, &ImportsConfig::default(), 0),
+            maps,
+            gate,
             config: HttpConfig { max_body_bytes: 16 << 10, ..HttpConfig::default() },
             body_limit: PATIENCE,
             stopping: stopping.clone(),
