@@ -7,7 +7,7 @@ import { extent, picture } from './floor.js';
 const AXES = { xz: [0, 2], xy: [0, 1], yz: [1, 2] };
 const MARGIN = 30;
 // Height of the drawing, as a share of its width.
-const [FLATTEST, TALLEST] = [0.5, 0.8];
+const [FLATTEST, TALLEST] = [0.5, 0.75];
 
 // The plane of the floor, and the axis across it with the sign that points up. The y axis of a camera points
 // down, so the world axis that most y axes are parallel to is vertical.
@@ -60,13 +60,13 @@ export function drawPlan(canvas, frames, objects, plane, chosen) {
 }
 
 // A text that can be read on whatever is under it.
-function note(context, text, x, y) {
+function note(context, text, x, y, color = '#a5aec0') {
   context.font = '16px system-ui';
   context.lineJoin = 'round';
   context.lineWidth = 3;
   context.strokeStyle = '#0b0e14';
   context.strokeText(text, x, y);
-  context.fillStyle = '#a5aec0';
+  context.fillStyle = color;
   context.fillText(text, x, y);
 }
 
@@ -112,5 +112,5 @@ function box(context, object, at, pixel, [across, up]) {
   context.lineWidth = 2;
   context.fillRect(left, top, right - left, bottom - top);
   context.strokeRect(left, top, right - left, bottom - top);
-  note(context, String(at + 1), left + 4, top + 17);
+  note(context, String(at + 1), left + 4, top + 17, '#ffffff');
 }
