@@ -39,6 +39,10 @@ define on_swiftshader
 else echo 'SKIPPED: kernels are not tested on a second driver, because SwiftShader could not be had (deploy/setup.sh --tests)'; fi
 endef
 
+looks: ## Keep how the dashboard looks now: make test compares it with these pictures
+	@deploy/setup.sh --tests
+	LOOKS=keep cargo test --workspace --test service -- looks:: --nocapture
+
 lint: ## Format, lints, types, messages, documentation, licences, spelling
 	@deploy/setup.sh --lint
 	cargo fmt --all --check
@@ -112,4 +116,4 @@ training-test: .venv/export ## Tests of the scripts that make bundles (installs 
 	.venv/bin/pip install --quiet -r $<
 	@touch $@
 
-.PHONY: help deps demo test lint format lengths bench soak fuzz bundle training-test
+.PHONY: help deps demo test looks lint format lengths bench soak fuzz bundle training-test

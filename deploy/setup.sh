@@ -185,10 +185,10 @@ install_browser() {
   command -v chromium >/dev/null || {
     as_root apt-get update -qq &&
       as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium
-  } && pip_install .deps/browser --only-binary=:all: "playwright==$PLAYWRIGHT_VERSION"
+  } && pip_install .deps/browser --only-binary=:all: "playwright==$PLAYWRIGHT_VERSION" 'pillow==12.0.0' 'numpy>=2,<3'
 }
-if [ "${1:-}" = --tests ] && [ ! -d .deps/browser ]; then
-  say "installing Chromium, and what drives it into .deps/browser"
+if [ "${1:-}" = --tests ] && [ ! -d .deps/browser/PIL ]; then
+  say "installing Chromium, what drives it and what compares its pictures into .deps/browser"
   mkdir -p .deps
   why=$(install_browser 2>&1) ||
     say "no browser can be had here, so the dashboard is not tested: $(tail -n 1 <<<"$why")"

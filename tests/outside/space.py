@@ -15,6 +15,7 @@ from pathlib import Path
 
 from page import HINT, TIMEOUT_MS, ask, ink, settles, wait
 from playwright.sync_api import Page, expect, sync_playwright
+from touch import is_touched
 
 # WebGL2 without a graphics card.
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -257,6 +258,7 @@ def main() -> None:
             lambda: chooses_a_keyframe(page),
             lambda: keeps_its_camera(page),
             lambda: walks(page),
+            lambda: is_touched(browser, address),
             lambda: grows(page, folder),
         )
         for at, step in enumerate(steps):

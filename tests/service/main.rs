@@ -28,6 +28,7 @@ mod labels;
 mod large_answers;
 mod live;
 mod load;
+mod looks;
 mod memory;
 mod openapi;
 mod outside;

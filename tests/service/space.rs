@@ -17,6 +17,6 @@ async fn a_browser_shows_splats_colors_them_measures_and_sees_them_grow() {
     server.send(vec![robot.open("empty")]).await.expect("it is made");
     server.settled("room").await;
     let told = used("tests/outside/space.py", chromium, &server, &robot, folder.path()).await;
-    assert!(told.contains("9 steps"), "{told}");
+    assert!(told.contains("10 steps"), "{told}");
     server.stop().await;
 }

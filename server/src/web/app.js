@@ -26,7 +26,9 @@ async function listMaps() {
   if (names.join() !== [...select.options].map((option) => option.value).join()) {
     select.replaceChildren(...names.map((name) => new Option(name, name)));
   }
-  $('empty').hidden = names.length > 0;
+  const none = names.length === 0;
+  $('empty').hidden = !none;
+  document.querySelector('main').hidden = $('live').hidden = none;
   if (!names.includes(state.map)) {
     const { map } = asked();
     open(names.includes(map) ? map : names[0] ?? null);

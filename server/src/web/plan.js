@@ -6,6 +6,8 @@ import { extent, picture } from './floor.js';
 
 const AXES = { xz: [0, 2], xy: [0, 1], yz: [1, 2] };
 const MARGIN = 30;
+// Height of the drawing, as a share of its width.
+const [FLATTEST, TALLEST] = [0.5, 0.75];
 
 // The plane of the floor, and the axis across it with the sign that points up. The y axis of a camera points
 // down, so the world axis that most y axes are parallel to is vertical.
@@ -21,8 +23,8 @@ function fromAbove(frames) {
 
 export function drawPlan(canvas, frames, objects, plane, chosen) {
   const context = canvas.getContext('2d');
-  const { width, height } = canvas;
-  context.clearRect(0, 0, width, height);
+  const { width } = canvas;
+  context.clearRect(0, 0, width, canvas.height);
   const floor = fromAbove(frames);
   const name = plane === 'auto' ? floor.plane : plane;
   const [across, up] = AXES[name];
@@ -35,7 +37,11 @@ export function drawPlan(canvas, frames, objects, plane, chosen) {
 
   const least = [0, 1].map((i) => Math.min(...all.map((p) => p[i])));
   const most = [0, 1].map((i) => Math.max(...all.map((p) => p[i])));
-  const span = Math.max(most[0] - least[0], (most[1] - least[1]) * (width / height), 0.5);
+  // A flat is rarely as tall as it is wide: the drawing is no taller than it must be.
+  const [wide, tall] = [0, 1].map((i) => most[i] - least[i]);
+  const height = Math.round(width * Math.min(TALLEST, Math.max(FLATTEST, tall / wide || 0)));
+  if (canvas.height !== height) canvas.height = height;
+  const span = Math.max(wide, tall * (width / height), 0.5);
   const scale = (width - 2 * MARGIN) / span;
   const middle = [0, 1].map((i) => (least[i] + most[i]) / 2);
   const pixel = ([x, y]) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
@@ -50,9 +56,18 @@ export function drawPlan(canvas, frames, objects, plane, chosen) {
   context.stroke();
   frames.forEach((frame, at) => camera(context, frame, pixel(path[at]), [across, up], frame.sequence === chosen));
   objects.forEach((object, at) => box(context, object, at, pixel, [across, up]));
-  context.fillStyle = '#8b95a8';
+  note(context, `${name[0]} → , ${name[1]} ↑`, 10, height - 10);
+}
+
+// A text that can be read on whatever is under it.
+function note(context, text, x, y, color = '#a5aec0') {
   context.font = '16px system-ui';
-  context.fillText(`${name[0]} → , ${name[1]} ↑`, 10, height - 10);
+  context.lineJoin = 'round';
+  context.lineWidth = 3;
+  context.strokeStyle = '#0b0e14';
+  context.strokeText(text, x, y);
+  context.fillStyle = color;
+  context.fillText(text, x, y);
 }
 
 // The axis across the plane and the sign that points to who looks at it; `cameras`: the height of the middle
@@ -72,9 +87,7 @@ function grid(context, width, height, scale, [zeroX, zeroY]) {
   for (let x = ((zeroX % step) + step) % step; x < width; x += step) { context.moveTo(x, 0); context.lineTo(x, height); }
   for (let y = ((zeroY % step) + step) % step; y < height; y += step) { context.moveTo(0, y); context.lineTo(width, y); }
   context.stroke();
-  context.fillStyle = '#8b95a8';
-  context.font = '16px system-ui';
-  context.fillText(`grid ${metres} m`, width - 110, height - 10);
+  note(context, `grid ${metres} m`, width - 110, height - 10);
 }
 
 // A camera as a dot, with a line along its z axis, the viewing direction.
@@ -99,7 +112,5 @@ function box(context, object, at, pixel, [across, up]) {
   context.lineWidth = 2;
   context.fillRect(left, top, right - left, bottom - top);
   context.strokeRect(left, top, right - left, bottom - top);
-  context.fillStyle = '#fff';
-  context.font = 'bold 16px system-ui';
-  context.fillText(String(at + 1), left + 4, top + 17);
+  note(context, String(at + 1), left + 4, top + 17, '#ffffff');
 }

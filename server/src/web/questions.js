@@ -167,6 +167,7 @@ function drawObjects() {
     const row = document.createElement('tr');
     const cells = [at + 1, object.score.toFixed(2), `${(100 * object.confidence).toFixed(0)} %`, numbers(object.center_metres), numbers(object.size_metres), object.points];
     row.append(...cells.map((cell) => element('td', cell)));
+    row.lastChild.className = 'wide';
     row.tabIndex = 0;
     row.title = 'show the view that sees it best';
     row.onclick = () => see(object);
@@ -174,12 +175,18 @@ function drawObjects() {
     return row;
   });
   if (rows.length === 0) {
-    const cell = element('td', 'nothing found', 'quiet');
+    const cell = element('td', nothing(), 'quiet');
     cell.colSpan = 6;
     rows.push(document.createElement('tr'));
     rows[0].append(cell);
   }
   $('objects').replaceChildren(...rows);
+}
+
+// Why no object is listed.
+function nothing() {
+  if (!state.answer) return 'none yet';
+  return state.answer.legend ? 'ask for one thing to find its objects' : 'nothing found';
 }
 
 function see(object) {

@@ -207,8 +207,8 @@ function drawFrames() {
   const [points, colors] = [[], []];
   const eye = isPlaced ? view.toMap(motion.eye) : null;
   for (const { world_from_camera: pose, camera: { width, height, fx, fy, cx, cy }, sequence } of state.frames) {
-    // Nobody looks through the lines of the camera where they stand.
-    if (eye && Math.hypot(eye[0] - pose[3], eye[1] - pose[7], eye[2] - pose[11]) < 2 * depth) continue;
+    // Nobody looks through the lines of a camera near them.
+    if (eye && Math.hypot(eye[0] - pose[3], eye[1] - pose[7], eye[2] - pose[11]) < 5 * depth) continue;
     const place = (u, v, d) => [0, 1, 2].map((row) => pose[row * 4] * ((u - cx) / fx) * d + pose[row * 4 + 1] * ((v - cy) / fy) * d + pose[row * 4 + 2] * d + pose[row * 4 + 3]);
     const tip = place(cx, cy, 0);
     const corners = [[0, 0], [width, 0], [width, height], [0, height]].map(([u, v]) => place(u, v, depth));

@@ -21,7 +21,7 @@ export function drawStatus(status) {
   };
   const count = (value) => value.toLocaleString('en');
   const chips = [
-    chip('tracking', status.tracking_state, status.tracking_state === 'lost' ? 'bad' : 'good'),
+    chip('camera', status.tracking_state, status.tracking_state === 'lost' ? 'bad' : 'good'),
     chip('frames', `${count(status.frames_tracked)} / ${count(status.frames_received)}`),
     chip('keyframes', count(status.keyframes)),
     chip('gaussians', count(status.gaussians)),

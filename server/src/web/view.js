@@ -74,7 +74,6 @@ export function drawMarks(view) {
   svg.replaceChildren();
   if (!view?.heatmap || !view.present) return;
   svg.setAttribute('viewBox', `0 0 ${view.heatmap.width} ${view.heatmap.height}`);
-  svg.setAttribute('preserveAspectRatio', 'none');
   const add = (name, attributes) => {
     const mark = document.createElementNS('http://www.w3.org/2000/svg', name);
     for (const [key, value] of Object.entries(attributes)) mark.setAttribute(key, value);
