@@ -122,7 +122,7 @@ pub async fn serve(
     let _stop_on_return = stopping.clone().drop_guard();
     let service = MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
     let kept_free = config.recording.low_bytes;
-    let imports = Imports::new(maps.store().clone(), service.clone(), &config.imports, kept_free);
+    let imports = Imports::new(maps.clone(), service.clone(), &config.imports, kept_free);
     let router = http::router(http::Context {
         maps: maps.clone(),
         imports,

@@ -77,8 +77,14 @@ async fn an_uploaded_recording_becomes_the_map_that_a_robot_would_have_made() {
     let told = ended(&server, "zip").await;
     assert_eq!((&told["state"], &told["frames_done"]), (&json!("done"), &json!(8)), "{told}");
 
+    // Frames of another recording must not get into the map.
+    let (status, problem) = upload(&server, "zip", zipped_walk(8, 12)).await;
+    let detail = problem["detail"].as_str().unwrap_or_default();
+    assert!(status == 409 && detail.contains("resume=true"), "{status}: {problem}");
+    assert_eq!(ended(&server, "zip").await["frames_done"], 8, "what was told before stays");
     // The same frames once more are no new ones.
-    assert_eq!(upload(&server, "zip", zip.clone()).await.0, 202);
+    let path = "zip/import?resume=true";
+    assert_eq!(upload_as(&server, path, zip.clone(), "application/octet-stream").await.0, 202);
     let told = ended(&server, "zip").await;
     let counts = ["frames_total", "frames_done", "frames_resumed_past"].map(|key| &told[key]);
     assert_eq!(counts, [&json!(0), &json!(0), &json!(8)], "{told}");
@@ -170,6 +176,8 @@ async fn a_recording_waits_for_its_turn_and_can_be_stopped() {
     assert_eq!(upload(&server, "room", walk.clone()).await.0, 202);
     let (status, problem) = upload(&server, "other", walk.clone()).await;
     assert_eq!(status, 503, "{problem}");
+    let (status, problem) = upload(&server, "room", walk.clone()).await;
+    assert_eq!(status, 409, "{problem}");
     let delete = |map: &str| {
         let url = server.url(&format!("/v1/maps/{map}/import"));
         async { reqwest::Client::new().delete(url).send().await.expect("it answers").status() }
@@ -178,6 +186,11 @@ async fn a_recording_waits_for_its_turn_and_can_be_stopped() {
     assert_eq!(delete("room").await, 204);
     let told = ended(&server, "room").await;
     assert_eq!(told["state"], "stopped", "{told}");
+    // It is free at once, and goes on.
+    let path = "room/import?resume=true";
+    let again = upload_as(&server, path, walk, "application/octet-stream").await;
+    assert_eq!(again.0, 202, "{}", again.1);
+    assert_eq!(delete("room").await, 204);
     assert_eq!(delete("room").await, 404, "it has ended");
     let (_, status) = get(&server, "/v1/maps/room").await;
     assert!(status["frames_received"].as_u64().is_some_and(|frames| frames < 60), "{status}");

@@ -6,7 +6,7 @@ use super::received::with_received;
 use super::schema::Binary;
 use super::state::State;
 use crate::access::Caller;
-use crate::import::ImportError;
+use crate::import::{ImportError, Wish};
 use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::IntoResponse;
@@ -25,9 +25,11 @@ const FILE: &str = "application/octet-stream";
 pub(super) struct ImportOptions {
     /// Where poses come from. Absent: they are given if most frames of the recording have one.
     poses: Option<ImportPoses>,
+    /// The map has frames of this recording already: map those behind them.
+    resume: bool,
 }
 
-/// Uploads a recording and maps it. The map is created if there is none, or goes on behind its newest frame. The
+/// Uploads a recording and maps it. The map is created if there is none. The
 /// body is a file of the kind .mcap, .db3 (ROS 2), .r3d (Record3D) or .sens (ScanNet), or a zip of a folder in a
 /// layout that `lexsplat stream` reads (TUM, 7-Scenes, Replica, nerfstudio, recording.toml, rosbag2). The answer
 /// comes when the file is received and opened; mapping goes on behind it. A client that sends less than 16 KiB
@@ -40,7 +42,7 @@ pub(super) struct ImportOptions {
         (status = 202, description = "the recording is being mapped", body = json::Import),
         (status = 400, description = "it is no recording that can be mapped", body = json::Problem, content_type = "application/problem+json"),
         (status = 408, description = "the file comes too slowly", body = json::Problem, content_type = "application/problem+json"),
-        (status = 409, description = "somebody else sends frames to the map, or it has another camera", body = json::Problem, content_type = "application/problem+json"),
+        (status = 409, description = "the map has frames, another camera, or somebody who sends frames", body = json::Problem, content_type = "application/problem+json"),
         (status = 413, description = "the recording is larger than imports.max_bytes", body = json::Problem, content_type = "application/problem+json"),
         (status = 415, description = "the body is of another type", body = json::Problem, content_type = "application/problem+json"),
         (status = 429, description = "there are as many maps as there may be", body = json::Problem, content_type = "application/problem+json"),
@@ -52,13 +54,16 @@ pub(super) async fn begin(
     state: State,
     segments: Segments,
     Extension(caller): Extension<Caller>,
-    Options(ImportOptions { poses }): Options<ImportOptions>,
+    Options(ImportOptions { poses, resume }): Options<ImportOptions>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<impl IntoResponse, Problem> {
     let begun = with_received(body, state.body_limit, async |received| {
         expect_type(&headers, FILE)?;
-        Ok(state.imports.begin(segments.get("name"), &caller, poses, received).await?)
+        Ok(state
+            .imports
+            .begin(segments.get("name"), &caller, Wish { poses, resume }, received)
+            .await?)
     });
     Ok((StatusCode::ACCEPTED, Json(begun.await?)))
 }
@@ -86,18 +91,21 @@ pub(super) async fn show(state: State, segments: Segments) -> Result<Json<json::
 )]
 pub(super) async fn stop(state: State, segments: Segments) -> Result<StatusCode, Problem> {
     let map = segments.get("name");
-    if state.imports.stop(map) { Ok(StatusCode::NO_CONTENT) } else { Err(none(map)) }
+    if state.imports.stop(map).await { Ok(StatusCode::NO_CONTENT) } else { Err(none(map)) }
 }
 
 fn none(map: &str) -> Problem {
-    Problem::not_found(format!("no recording is being mapped into {map:?}")).at("name")
+    Problem::not_found(format!("no recording was uploaded into {map:?}, or it has ended"))
+        .at("name")
 }
 
 impl From<ImportError> for Problem {
     fn from(error: ImportError) -> Self {
         let status = match &error {
             ImportError::Busy => return Self::unavailable(error.to_string()),
-            ImportError::Already { .. } | ImportError::Stopped => StatusCode::CONFLICT,
+            ImportError::Already { .. } | ImportError::HasFrames { .. } | ImportError::Stopped => {
+                StatusCode::CONFLICT
+            }
             ImportError::Slow { .. } => StatusCode::REQUEST_TIMEOUT,
             ImportError::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
             ImportError::NoRoom { .. } => StatusCode::INSUFFICIENT_STORAGE,
@@ -110,10 +118,11 @@ impl From<ImportError> for Problem {
                 _ => StatusCode::CONFLICT,
             },
             ImportError::Io(_) | ImportError::Panicked => StatusCode::INTERNAL_SERVER_ERROR,
-            ImportError::Map(_) => StatusCode::BAD_REQUEST,
+            ImportError::Map(_) | ImportError::Maps(_) => StatusCode::BAD_REQUEST,
         };
         match error {
             ImportError::Map(error) => error.into(),
+            ImportError::Maps(error) => error.into(),
             other => Self::new(status, other.to_string()),
         }
     }

@@ -1,5 +1,6 @@
 //! Why a recording is not imported.
 
+use crate::maps::MapsError;
 use crate::pipeline::map::MapError;
 use lexsplat_client::stream::ClientError;
 use std::io::ErrorKind;
@@ -10,8 +11,15 @@ use tonic::Code;
 pub(crate) enum ImportError {
     #[error(transparent)]
     Map(#[from] MapError),
+    #[error(transparent)]
+    Maps(#[from] MapsError),
     #[error("as many recordings as the server takes at a time are being mapped: try again later")]
     Busy,
+    #[error(
+        "the map {map:?} has frames already, up to number {newest}: choose another name, or say that the recording \
+             goes on behind them (resume=true): frames up to that number are then left out"
+    )]
+    HasFrames { map: String, newest: u64 },
     #[error("a recording is being mapped into {map:?} already: wait for it, or stop it")]
     Already { map: String },
     #[error("{reason}: send it faster")]

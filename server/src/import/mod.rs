@@ -20,8 +20,8 @@ pub(crate) use error::ImportError;
 
 use crate::access::Caller;
 use crate::ingest::MappingService;
+use crate::maps::RecordedMaps;
 use crate::pipeline::engine::check_name;
-use crate::store::Store;
 use lexsplat_proto::json::{self, ImportPoses};
 use progress::Import;
 use run::Run;
@@ -29,15 +29,27 @@ use spool::Spool;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::{Semaphore, oneshot};
 
+/// How an uploaded recording is to be mapped.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wish {
+    /// Where poses come from. `None`: they are given if most frames have one.
+    pub(crate) poses: Option<ImportPoses>,
+    /// Whether the frames may go on behind those that the map has.
+    pub(crate) resume: bool,
+}
+
+/// Between two looks at an import that was stopped.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// Imports that have ended and are remembered.
 const REMEMBERED: usize = 64;
 
 /// The recordings that are received and mapped. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Imports {
-    store: Store,
+    maps: RecordedMaps,
     service: MappingService,
     limits: ImportsConfig,
     /// Bytes that must stay free on the disk.
@@ -47,19 +59,19 @@ pub(crate) struct Imports {
 }
 
 impl Imports {
-    /// Imports through `service`. Temporary files are put beside the recordings of `store`.
+    /// Imports through `service`. Temporary files are put beside the recordings of `maps`.
     pub(crate) fn new(
-        store: Store,
+        maps: RecordedMaps,
         service: MappingService,
         limits: &ImportsConfig,
         kept_free: u64,
     ) -> Self {
         let (places, of_maps) = (Arc::new(Semaphore::new(limits.at_once)), Arc::default());
-        Self { store, service, limits: limits.clone(), kept_free, places, of_maps }
+        Self { maps, service, limits: limits.clone(), kept_free, places, of_maps }
     }
 
-    /// Receives a recording and begins to map it, in the name of a caller who may write to the map. Where
-    /// poses come from is decided by whether most frames have one, unless it is said.
+    /// Receives a recording and begins to map it, in the name of a caller who may write to the map. A map that has
+    /// frames takes more only if these go on where it is.
     ///
     /// # Errors
     /// [`ImportError`], until the map is open for the frames. What comes after is told by [`Self::of`].
@@ -67,18 +79,42 @@ impl Imports {
         &self,
         map: &str,
         caller: &Caller,
-        poses: Option<ImportPoses>,
+        wish: Wish,
         recording: impl Read + Send + 'static,
     ) -> Result<json::Import, ImportError> {
         check_name(map)?;
+        let (import, before) = self.take_place(map)?;
+        let begun = self.begin_as(&import, map, caller, wish, recording).await;
+        if begun.is_err() {
+            // The answer tells why.
+            let mut of_maps = self.of_maps();
+            of_maps.retain(|_, other| !Arc::ptr_eq(other, &import));
+            of_maps.extend(before.map(|before| (map.to_owned(), before)));
+        }
+        begun.map(|()| import.told().clone())
+    }
+
+    async fn begin_as(
+        &self,
+        import: &Arc<Import>,
+        map: &str,
+        caller: &Caller,
+        wish: Wish,
+        recording: impl Read + Send + 'static,
+    ) -> Result<(), ImportError> {
+        if let Some(newest) = self.maps.expect_free(map)?
+            && !wish.resume
+        {
+            return Err(ImportError::HasFrames { map: map.to_owned(), newest });
+        }
         let place = self.places.clone().try_acquire_owned().map_err(|_| ImportError::Busy)?;
-        let import = self.take_place(map)?;
-        let spool = Spool::new(&self.store, &self.limits, self.kept_free);
+        let spool = Spool::new(self.maps.store(), &self.limits, self.kept_free);
         let (opened, is_open) = oneshot::channel();
         let run = Run {
             map: map.to_owned(),
             connection: self.service.called_by(caller.clone()),
-            poses,
+            poses: wish.poses,
+            maps: self.maps.clone(),
             import: import.clone(),
         };
         // To the end even if the sender is gone.
@@ -86,15 +122,11 @@ impl Imports {
             run.map(spool, recording, opened).await;
             drop(place);
         });
-        let begun = is_open.await.unwrap_or(Err(ImportError::Panicked));
-        if begun.is_err() {
-            // The answer tells why.
-            self.of_maps().retain(|_, other| !Arc::ptr_eq(other, &import));
-        }
-        begun.map(|()| import.told().clone())
+        is_open.await.unwrap_or(Err(ImportError::Panicked))
     }
 
-    fn take_place(&self, map: &str) -> Result<Arc<Import>, ImportError> {
+    /// Enters a new import; returns it, and the one that had its place.
+    fn take_place(&self, map: &str) -> Result<(Arc<Import>, Option<Arc<Import>>), ImportError> {
         let mut of_maps = self.of_maps();
         if of_maps.get(map).is_some_and(|import| import.is_running()) {
             return Err(ImportError::Already { map: map.to_owned() });
@@ -105,8 +137,8 @@ impl Imports {
             of_maps.remove(&name);
         }
         let import = Arc::<Import>::default();
-        of_maps.insert(map.to_owned(), import.clone());
-        Ok(import)
+        let before = of_maps.insert(map.to_owned(), import.clone());
+        Ok((import, before))
     }
 
     /// The newest import into a map since the server started.
@@ -114,13 +146,16 @@ impl Imports {
         self.of_maps().get(map).map(|import| import.told().clone())
     }
 
-    /// Stops mapping a recording. Returns false if none is being mapped.
-    pub(crate) fn stop(&self, map: &str) -> bool {
+    /// Stops mapping a recording, and waits until the map is free for others. Returns false if none is being
+    /// mapped.
+    pub(crate) async fn stop(&self, map: &str) -> bool {
         let import = self.of_maps().get(map).filter(|import| import.is_running()).cloned();
-        import.is_some_and(|import| {
-            import.stop.cancel();
-            true
-        })
+        let Some(import) = import else { return false };
+        import.stop.cancel();
+        while import.is_running() {
+            tokio::time::sleep(LOOK_AGAIN).await;
+        }
+        true
     }
 
     /// Forgets the import into a map that was deleted or renamed.

@@ -3,6 +3,8 @@
 use super::error::ImportError;
 use super::progress::Import;
 use super::spool::Spool;
+use crate::maps::{MapsError, RecordedMaps};
+use crate::pipeline::map::MapError;
 use lexsplat_client::Access;
 use lexsplat_client::dataset::{Dataset, DatasetError, with_poses};
 use lexsplat_client::layout::Layout;
@@ -11,8 +13,11 @@ use lexsplat_proto::json::{ImportPoses, ImportState};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use std::io::Read;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
+/// How long a map may take for the frames that are on their way when an import is stopped.
+const FREE_WITHIN: Duration = Duration::from_secs(60);
 /// Problems of frames that are told.
 const TOLD: usize = 5;
 
@@ -23,6 +28,7 @@ pub(super) struct Run {
     pub connection: Connection,
     /// Where poses come from, if it is said.
     pub poses: Option<ImportPoses>,
+    pub maps: RecordedMaps,
     pub import: Arc<Import>,
 }
 
@@ -42,6 +48,9 @@ impl Run {
             ended = self.mapped(spool, recording, &mut opened) => ended,
             () = stop.cancelled() => Err(ImportError::Stopped),
         };
+        if matches!(ended, Err(ImportError::Stopped)) {
+            self.until_free().await;
+        }
         let mut told = self.import.told();
         told.state = match &ended {
             Ok(()) => ImportState::Done,
@@ -55,6 +64,19 @@ impl Run {
             }
             // If this fails, nobody waits, or it was told before.
             let _ = opened.take().map(|opened| opened.send(Err(error)));
+        }
+    }
+
+    /// Waits until the map has taken what was on its way.
+    async fn until_free(&self) {
+        let began = Instant::now();
+        while began.elapsed() < FREE_WITHIN
+            && matches!(
+                self.maps.expect_free(&self.map),
+                Err(MapsError::Map(MapError::Busy { .. }))
+            )
+        {
+            tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 

@@ -10,6 +10,8 @@ use zip::ZipArchive;
 
 /// Folders in folders that are searched for a recording.
 const DEPTH: usize = 4;
+/// Characters of a name that messages tell.
+const LONGEST_TOLD: usize = 100;
 /// Folders that macOS adds to zips.
 const NOISE: &str = "__MACOSX";
 
@@ -39,10 +41,14 @@ pub(super) fn unpack(zip: &Path, folder: &Path, room: &Room) -> Result<(), Impor
         )));
     }
     std::fs::create_dir(folder).map_err(ImportError::Io)?;
+    if archive.is_empty() {
+        return Err(wrong("it is empty".into()));
+    }
     let mut left = limits.max_bytes;
     for at in 0..archive.len() {
         let mut entry = archive.by_index(at).map_err(|error| wrong(error.to_string()))?;
         let name = entry.name().map_err(|error| wrong(error.to_string()))?.into_owned();
+        let name = shortened(&name);
         let inside = entry.enclosed_name().filter(|_| !entry.is_symlink());
         let Some(inside) = inside else {
             return Err(wrong(format!(
@@ -59,10 +65,24 @@ pub(super) fn unpack(zip: &Path, folder: &Path, room: &Room) -> Result<(), Impor
         if path.exists() {
             return Err(wrong(format!("{name:?} is there twice")));
         }
-        let damaged = |error: &std::io::Error| wrong(format!("{name:?} is damaged: {error}"));
-        left -= room.copy(&mut entry, &path, left, damaged)?;
+        let damaged =
+            |error: &std::io::Error| wrong(format!("{name:?} cannot be unpacked: {error}"));
+        left -= room.copy(&mut entry, &path, left, damaged).map_err(|error| match error {
+            ImportError::Io(error) if error.kind() == std::io::ErrorKind::InvalidFilename => {
+                damaged(&error)
+            }
+            other => other,
+        })?;
     }
     Ok(())
+}
+
+/// A name for messages.
+fn shortened(name: &str) -> String {
+    match name.char_indices().nth(LONGEST_TOLD) {
+        Some((end, _)) => format!("{}…", &name[..end]),
+        None => name.to_owned(),
+    }
 }
 
 /// The one recording in a folder or its folders.

@@ -131,6 +131,24 @@ impl RecordedMaps {
         self.engine.map(name).map(drop).or_else(|_| self.expect_place(name))
     }
 
+    /// Checks that frames could be sent to a map, which may be new. Returns its newest frame.
+    ///
+    /// # Errors
+    /// [`MapError::Busy`] if somebody sends frames, [`MapError::TooMany`], [`MapsError::Loading`].
+    pub(crate) fn expect_free(&self, name: &str) -> Result<Option<u64>, MapsError> {
+        match self.get(name) {
+            Ok(map) => {
+                drop(map.claim()?);
+                Ok(map.received_through())
+            }
+            Err(MapsError::Map(MapError::NotFound { .. })) => {
+                self.expect_place(name)?;
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
     /// Checks that a map may be there beside all others, loaded or not.
     ///
     /// # Errors

@@ -60,6 +60,7 @@ function open(name) {
     state.question = $('text').value = wanted.question;
   }
   openSpace(wanted);
+  $('maps').value = name ?? '';
   remember();
   watchImport();
   if (!name) return;

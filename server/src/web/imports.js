@@ -7,7 +7,7 @@ const REFRESH_MILLIS = 1000;
 const ENDED = { done: 'The recording is mapped', failed: 'The recording was not mapped to its end', stopped: 'The recording was stopped' };
 
 let timer = null;
-// Name of the map whose import this page saw running: only then is its end worth telling.
+// Name of the map whose import this page sent or saw running: only then is its end worth telling.
 let seen = null;
 
 // `open` shows a map; `change` runs a step of the dialog and shows its error; it returns whether it succeeded.
@@ -17,8 +17,8 @@ export function listenForImports(open, change) {
     const [file] = $('import-file').files;
     const name = $('import-name').value.trim();
     const poses = $('import-poses').value;
-    const query = poses ? `?poses=${poses}` : '';
-    const path = `v1/maps/${encodeURIComponent(name)}/import${query}`;
+    const query = new URLSearchParams({ ...(poses && { poses }), ...($('import-resume').checked && { resume: true }) });
+    const path = `v1/maps/${encodeURIComponent(name)}/import?${query}`;
     const button = $('import').querySelector('button');
     button.disabled = true;
     const sent = await change(() => send(file, 'POST', path, 'application/octet-stream', $('import-progress')));
@@ -26,6 +26,7 @@ export function listenForImports(open, change) {
     if (!sent) return;
     $('import').reset();
     $('manager').close();
+    seen = name;
     open(name);
   };
   // The name of the file is a good first guess.

@@ -61,7 +61,7 @@ impl Server {
             stopping.clone(),
         );
         let router = router(Context {
-            imports: Imports::new(Store::default(), service, &ImportsConfig::default(), 0),
+            imports: Imports::new(maps.clone(), service, &ImportsConfig::default(), 0),
             maps,
             gate,
             config: HttpConfig { max_body_bytes: 16 << 10, ..HttpConfig::default() },
