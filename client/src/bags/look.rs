@@ -5,9 +5,15 @@ use super::files::{FilePlace, Files};
 use super::own::OwnFrames;
 use super::store::Message;
 use crate::dataset::DatasetError;
-use crate::messages::{Decoder, Reading};
+use crate::messages::{Decoder, Kind, Reading};
 use crate::rig::Survey;
 use std::collections::{BTreeMap, HashMap};
+
+/// Bytes of messages that are read and remembered; the rest is left out, since it would fill the memory. An hour of
+/// a robot's transforms and accelerometers has a quarter of it.
+const MOST: u64 = 2 << 30;
+/// What the place of a message takes, bytes.
+const PLACE: u64 = 64;
 
 /// What a recording holds.
 #[derive(Default)]
@@ -19,6 +25,10 @@ pub(super) struct Look {
     pub own: OwnFrames,
     /// What is wrong with the files, in words.
     pub problems: Vec<String>,
+    /// Bytes of messages that may still be remembered.
+    left: u64,
+    /// Number of messages behind them.
+    left_out: u64,
     decoders: HashMap<String, Option<Decoder>>,
     /// The message that was decompressed last.
     space: Vec<u8>,
@@ -42,13 +52,32 @@ impl Look {
     /// # Errors
     /// [`DatasetError`] if nothing can be read.
     pub(super) fn through(files: &Files) -> Result<Self, DatasetError> {
-        let mut look = Self::default();
+        Self::up_to(files, MOST)
+    }
+
+    /// The same, where so many bytes of messages are remembered.
+    pub(super) fn up_to(files: &Files, left: u64) -> Result<Self, DatasetError> {
+        let mut look = Self { left, ..Self::default() };
         let problems = files.scan(|file, message| look.take(file, &message))?;
         look.problems = problems;
+        if look.left_out > 0 {
+            look.problems.push(format!(
+                "{} messages at the end are left out: split the recording",
+                look.left_out
+            ));
+        }
         look.problems.extend(look.damaged.iter().map(|(topic, (count, first))| {
             format!("{topic}: {count} messages are left out, the first: {first}")
         }));
         Ok(look)
+    }
+
+    /// Counts a message. Of a picture only its place is remembered.
+    fn spend(&mut self, message: &Message<'_>) {
+        let decoder = Decoder::of(&message.channel.encoding, &message.channel.schema);
+        let is_picture = decoder.is_some_and(|decoder| decoder.kind() == Kind::Picture);
+        let bytes = if is_picture { 0 } else { message.data.len() as u64 };
+        self.left = self.left.saturating_sub(PLACE + bytes);
     }
 
     /// The topics that are not read, in words; empty if there are none.
@@ -66,8 +95,13 @@ impl Look {
     }
 
     fn take(&mut self, file: usize, message: &Message<'_>) {
+        if self.left == 0 {
+            self.left_out += 1;
+            return;
+        }
         let place = (file, message.place);
         if self.own.take(message, place) {
+            self.spend(message);
             return;
         }
         let channel = message.channel;
@@ -85,6 +119,7 @@ impl Look {
             decoder
         });
         let Some(decoder) = decoder else { return };
+        self.spend(message);
         match compressed::read(decoder, message.data, &mut self.space) {
             Ok(reading) => {
                 let reading = reading.received(message.nanos);

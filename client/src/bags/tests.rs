@@ -1,5 +1,7 @@
 //! Recordings written here, whole and damaged. Those of outside programs are in `tests/service`.
 
+use super::files::Files;
+use super::look::Look;
 use super::{mcap, rosbag2};
 use crate::dataset::tests::mutations::{mutate, mutations};
 use crate::dataset::{ColorFormat, Dataset, DatasetError, DepthFormat};
@@ -246,6 +248,20 @@ fn a_damaged_chunk_is_left_out_and_told_of() {
     assert!(notes.contains(&format!("byte {at} of {}: left out: ", whole.len())), "{notes}");
     assert!((1..FRAMES as usize).contains(&dataset.len()), "{}", dataset.len());
     assert!((0..dataset.len()).all(|at| dataset.frame(at).is_ok()));
+}
+
+#[test]
+fn what_would_fill_the_memory_is_left_out_and_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("kitchen.mcap");
+    std::fs::write(&path, mcap_bytes(&messages(), chunked(None))).unwrap();
+    let files = Files::mcap(&path).unwrap();
+    let pictures = |look: &Look| look.pictures["/rgb"].len();
+    let whole = Look::through(&files).unwrap();
+    assert_eq!((pictures(&whole), whole.problems), (FRAMES as usize, Vec::new()));
+    let part = Look::up_to(&files, 5000).unwrap();
+    assert!((1..FRAMES as usize).contains(&pictures(&part)), "{}", pictures(&part));
+    assert!(part.problems[0].contains("left out: split the recording"), "{:?}", part.problems);
 }
 
 #[test]

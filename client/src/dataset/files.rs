@@ -21,8 +21,17 @@ impl fmt::Display for Size {
     }
 }
 
+/// Longer lists and pictures are not read, bytes: they would fill the memory.
+const LONGEST: u64 = 512 << 20;
+
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
-    std::fs::read(path).map_err(|source| DatasetError::File { path: path.into(), source })
+    let failed = |source| DatasetError::File { path: path.into(), source };
+    let found = std::fs::metadata(path).map_err(failed)?.len();
+    if found > LONGEST {
+        let reason = format!("expected at most {LONGEST} bytes, found {found}");
+        return Err(DatasetError::content(path, reason));
+    }
+    std::fs::read(path).map_err(failed)
 }
 
 /// The text of a file, in any usual encoding.
@@ -81,4 +90,21 @@ pub(super) fn color(path: &Path) -> Result<Color, DatasetError> {
 pub(super) fn picture(path: &Path, bytes: &[u8]) -> Result<image::DynamicImage, DatasetError> {
     image::load_from_memory_with_format(bytes, image::ImageFormat::Png)
         .map_err(|source| DatasetError::Picture { path: path.into(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_would_fill_the_memory_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rgb.txt");
+        // Its bytes are not on the disk.
+        File::create(&path).unwrap().set_len(LONGEST + 1).unwrap();
+        let refused = text(&path).unwrap_err().to_string();
+        assert!(refused.contains("rgb.txt") && refused.contains("at most"), "{refused}");
+        File::create(&path).unwrap().set_len(3).unwrap();
+        assert_eq!(bytes(&path).unwrap(), [0; 3]);
+    }
 }

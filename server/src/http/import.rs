@@ -29,11 +29,11 @@ pub(super) struct ImportOptions {
     resume: bool,
 }
 
-/// Uploads a recording and maps it. The map is created if there is none. The
-/// body is a file of the kind .mcap, .db3 (ROS 2), .r3d (Record3D) or .sens (ScanNet), or a zip of a folder in a
-/// layout that `lexsplat stream` reads (TUM, 7-Scenes, Replica, nerfstudio, recording.toml, rosbag2). The answer
-/// comes when the file is received and opened; mapping goes on behind it. A client that sends less than 16 KiB
-/// a second for long is refused.
+/// Uploads a recording and maps it. The map is created if there is none; one that has frames takes a recording only
+/// with `resume=true`. The body is a file of the kind .mcap, .db3 (ROS 2), .r3d (Record3D) or .sens (ScanNet), or a
+/// zip of a folder in a layout that `lexsplat stream` reads (TUM, 7-Scenes, Replica, nerfstudio, recording.toml,
+/// rosbag2). The answer comes when the file is received and opened; mapping goes on behind it. A client that sends
+/// less than 16 KiB a second for long is refused.
 #[utoipa::path(
     post, path = "/v1/maps/{name}/import", operation_id = "import_recording", tag = "maps",
     params(("name" = String, Path), ImportOptions),
@@ -78,7 +78,10 @@ pub(super) async fn begin(
 )]
 pub(super) async fn show(state: State, segments: Segments) -> Result<Json<json::Import>, Problem> {
     let map = segments.get("name");
-    state.imports.of(map).map(Json).ok_or_else(|| none(map))
+    state.imports.of(map).map(Json).ok_or_else(|| {
+        let detail = format!("no recording was uploaded into {map:?} since the server started");
+        Problem::not_found(detail).at("name")
+    })
 }
 
 /// Stops mapping a recording. The frames so far stay in the map.
@@ -91,18 +94,18 @@ pub(super) async fn show(state: State, segments: Segments) -> Result<Json<json::
 )]
 pub(super) async fn stop(state: State, segments: Segments) -> Result<StatusCode, Problem> {
     let map = segments.get("name");
-    if state.imports.stop(map).await { Ok(StatusCode::NO_CONTENT) } else { Err(none(map)) }
-}
-
-fn none(map: &str) -> Problem {
-    Problem::not_found(format!("no recording was uploaded into {map:?}, or it has ended"))
-        .at("name")
+    if state.imports.stop(map).await {
+        return Ok(StatusCode::NO_CONTENT);
+    }
+    let detail = format!("no recording is being mapped into {map:?}");
+    Err(Problem::not_found(detail).at("name"))
 }
 
 impl From<ImportError> for Problem {
     fn from(error: ImportError) -> Self {
-        let status = match &error {
-            ImportError::Busy => return Self::unavailable(error.to_string()),
+        let status = match error {
+            ImportError::Maps(error) => return error.into(),
+            ImportError::Busy => StatusCode::SERVICE_UNAVAILABLE,
             ImportError::Already { .. } | ImportError::HasFrames { .. } | ImportError::Stopped => {
                 StatusCode::CONFLICT
             }
@@ -110,20 +113,20 @@ impl From<ImportError> for Problem {
             ImportError::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
             ImportError::NoRoom { .. } => StatusCode::INSUFFICIENT_STORAGE,
             ImportError::Refused(_) | ImportError::Broken(_) => StatusCode::BAD_REQUEST,
-            ImportError::Stream { code, .. } => match code {
-                Code::InvalidArgument => StatusCode::BAD_REQUEST,
-                Code::ResourceExhausted => StatusCode::TOO_MANY_REQUESTS,
-                Code::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
-                Code::Internal => StatusCode::INTERNAL_SERVER_ERROR,
-                _ => StatusCode::CONFLICT,
-            },
+            ImportError::Stream { code, .. } => of_code(code),
             ImportError::Io(_) | ImportError::Panicked => StatusCode::INTERNAL_SERVER_ERROR,
-            ImportError::Map(_) | ImportError::Maps(_) => StatusCode::BAD_REQUEST,
         };
-        match error {
-            ImportError::Map(error) => error.into(),
-            ImportError::Maps(error) => error.into(),
-            other => Self::new(status, other.to_string()),
-        }
+        Self::new(status, error.to_string())
+    }
+}
+
+/// The status of a stream that was refused.
+fn of_code(code: Code) -> StatusCode {
+    match code {
+        Code::InvalidArgument => StatusCode::BAD_REQUEST,
+        Code::ResourceExhausted => StatusCode::TOO_MANY_REQUESTS,
+        Code::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
+        Code::Internal => StatusCode::INTERNAL_SERVER_ERROR,
+        _ => StatusCode::CONFLICT,
     }
 }

@@ -1,7 +1,6 @@
 //! Why a recording is not imported.
 
 use crate::maps::MapsError;
-use crate::pipeline::map::MapError;
 use lexsplat_client::stream::ClientError;
 use std::io::ErrorKind;
 use tonic::Code;
@@ -9,8 +8,6 @@ use tonic::Code;
 /// Why a recording is not imported. Messages say what to do.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ImportError {
-    #[error(transparent)]
-    Map(#[from] MapError),
     #[error(transparent)]
     Maps(#[from] MapsError),
     #[error("as many recordings as the server takes at a time are being mapped: try again later")]

@@ -20,7 +20,7 @@ pub(crate) use error::ImportError;
 
 use crate::access::Caller;
 use crate::ingest::MappingService;
-use crate::maps::RecordedMaps;
+use crate::maps::{MapsError, RecordedMaps};
 use crate::pipeline::engine::check_name;
 use lexsplat_proto::json::{self, ImportPoses};
 use progress::Import;
@@ -29,7 +29,6 @@ use spool::Spool;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 use tokio::sync::{Semaphore, oneshot};
 
 /// How an uploaded recording is to be mapped.
@@ -41,8 +40,6 @@ pub(crate) struct Wish {
     pub(crate) resume: bool,
 }
 
-/// Between two looks at an import that was stopped.
-const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// Imports that have ended and are remembered.
 const REMEMBERED: usize = 64;
 
@@ -82,14 +79,17 @@ impl Imports {
         wish: Wish,
         recording: impl Read + Send + 'static,
     ) -> Result<json::Import, ImportError> {
-        check_name(map)?;
+        check_name(map).map_err(MapsError::from)?;
         let (import, before) = self.take_place(map)?;
         let begun = self.begin_as(&import, map, caller, wish, recording).await;
         if begun.is_err() {
             // The answer tells why.
             let mut of_maps = self.of_maps();
-            of_maps.retain(|_, other| !Arc::ptr_eq(other, &import));
-            of_maps.extend(before.map(|before| (map.to_owned(), before)));
+            // Somebody may have deleted the map meanwhile.
+            if of_maps.get(map).is_some_and(|other| Arc::ptr_eq(other, &import)) {
+                of_maps.remove(map);
+                of_maps.extend(before.map(|before| (map.to_owned(), before)));
+            }
         }
         begun.map(|()| import.told().clone())
     }
@@ -108,7 +108,8 @@ impl Imports {
             return Err(ImportError::HasFrames { map: map.to_owned(), newest });
         }
         let place = self.places.clone().try_acquire_owned().map_err(|_| ImportError::Busy)?;
-        let spool = Spool::new(self.maps.store(), &self.limits, self.kept_free);
+        let spool =
+            Spool::new(self.maps.store(), &self.limits, self.kept_free, import.stop.clone());
         let (opened, is_open) = oneshot::channel();
         let run = Run {
             map: map.to_owned(),
@@ -152,9 +153,7 @@ impl Imports {
         let import = self.of_maps().get(map).filter(|import| import.is_running()).cloned();
         let Some(import) = import else { return false };
         import.stop.cancel();
-        while import.is_running() {
-            tokio::time::sleep(LOOK_AGAIN).await;
-        }
+        import.ended.cancelled().await;
         true
     }
 

@@ -10,6 +10,8 @@ pub(super) struct Import {
     told: Mutex<json::Import>,
     /// Cancelled when somebody stops it.
     pub stop: CancellationToken,
+    /// Cancelled when it has ended, and the map is free for others.
+    pub ended: CancellationToken,
 }
 
 impl Import {

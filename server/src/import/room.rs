@@ -5,6 +5,7 @@ use super::error::ImportError;
 use std::fs::File;
 use std::io::{Read, Write as _};
 use std::path::Path;
+use tokio_util::sync::CancellationToken;
 
 /// Bytes that are copied at once, and between two looks at the free space.
 const BLOCK: usize = 1 << 20;
@@ -15,6 +16,8 @@ pub(super) struct Room {
     pub limits: ImportsConfig,
     /// Bytes that must stay free on the disk.
     pub kept_free: u64,
+    /// Cancelled when somebody stops the import.
+    pub stop: CancellationToken,
 }
 
 impl Room {
@@ -35,6 +38,9 @@ impl Room {
             let read = from.read(&mut block).map_err(|error| failed(&error))?;
             if read == 0 {
                 return Ok(bytes);
+            }
+            if self.stop.is_cancelled() {
+                return Err(ImportError::Stopped);
             }
             bytes += read as u64;
             if bytes > most {

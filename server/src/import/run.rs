@@ -18,6 +18,8 @@ use tokio::sync::oneshot;
 
 /// How long a map may take for the frames that are on their way when an import is stopped.
 const FREE_WITHIN: Duration = Duration::from_secs(60);
+/// Between two looks whether it has.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// Problems of frames that are told.
 const TOLD: usize = 5;
 
@@ -65,6 +67,7 @@ impl Run {
             // If this fails, nobody waits, or it was told before.
             let _ = opened.take().map(|opened| opened.send(Err(error)));
         }
+        self.import.ended.cancel();
     }
 
     /// Waits until the map has taken what was on its way.
@@ -76,7 +79,7 @@ impl Run {
                 Err(MapsError::Map(MapError::Busy { .. }))
             )
         {
-            tokio::time::sleep(Duration::from_millis(20)).await;
+            tokio::time::sleep(LOOK_AGAIN).await;
         }
     }
 
@@ -90,9 +93,14 @@ impl Run {
         let receiving = spool.clone();
         let received = tokio::task::spawn_blocking(move || {
             let (layout, dataset) = receiving.receive(recording)?;
-            posed(dataset, asked)
-                .map(|(poses, dataset)| (layout, poses, dataset))
-                .map_err(|error| ImportError::Refused(receiving.plain(&error.whole())))
+            let posed = posed(dataset, asked).map_err(|error| match error {
+                DatasetError::NoPoses { reason, .. } => {
+                    let advice = "let the server estimate the poses (poses=estimated)";
+                    receiving.refused(&format!("no frame has a pose ({reason}): {advice}"))
+                }
+                error => receiving.refused(&error.whole()),
+            });
+            posed.map(|(poses, dataset)| (layout, poses, dataset))
         });
         let (layout, poses, dataset) = received.await.map_err(|_| ImportError::Panicked)??;
         self.tell(&spool, layout, poses, &*dataset);

@@ -4,11 +4,12 @@ use super::config::ImportsConfig;
 use super::error::ImportError;
 use super::room::Room;
 use super::spool::Spool;
-use super::unpack::{find, unpack};
+use super::unpack::{find, open, unpack};
 use crate::store::Store;
 use lexsplat_client::layout::Layout;
 use std::io::{Cursor, Write as _};
 use std::path::Path;
+use tokio_util::sync::CancellationToken;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -30,7 +31,9 @@ fn unpacked(bytes: &[u8], folder: &Path, limits: ImportsConfig) -> Result<(), St
     std::fs::write(&file, bytes).unwrap();
     let files = folder.join("files");
     let _ = std::fs::remove_dir_all(&files);
-    unpack(&file, &files, &Room { limits, kept_free: 0 }).map_err(|error| error.to_string())
+    let room = Room { limits, kept_free: 0, stop: CancellationToken::new() };
+    let unpacked = open(&file, &room.limits).and_then(|archive| unpack(archive, &files, &room));
+    unpacked.map_err(|error| error.to_string())
 }
 
 #[test]
@@ -75,9 +78,34 @@ fn limits_hold_for_what_is_unpacked() {
     assert!(large.contains("imports.max_bytes"), "{large}");
     let many = unpacked(&two, folder.path(), limits(100, 1)).unwrap_err();
     assert!(many.contains("imports.max_files"), "{many}");
-    let full = Spool::new(&Store::default(), &limits(1000, 2), u64::MAX).unwrap();
-    let refused = full.receive(&two[..]).err();
+    let received = |kept_free, stop: &CancellationToken| {
+        let spool = Spool::new(&Store::default(), &limits(1000, 2), kept_free, stop.clone());
+        spool.unwrap().receive(&two[..]).err()
+    };
+    let stop = CancellationToken::new();
+    let refused = received(u64::MAX, &stop);
     assert!(matches!(refused, Some(ImportError::NoRoom { .. })), "{refused:?}");
+    let refused = received(0, &stop);
+    assert!(matches!(refused, Some(ImportError::Refused(_))), "no recording: {refused:?}");
+    stop.cancel();
+    let refused = received(0, &stop);
+    assert!(matches!(refused, Some(ImportError::Stopped)), "{refused:?}");
+}
+
+#[test]
+fn a_list_of_files_that_would_fill_the_memory_is_not_read_to_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("zip");
+    // 3 MB of names.
+    let names = || (0..50).map(|at| format!("{at}{}", "x".repeat(60_000)));
+    std::fs::write(&file, zip(|zip| names().for_each(|name| add(zip, &name, b"")))).unwrap();
+    let opened = |max_files| {
+        let limits = ImportsConfig { max_files, ..ImportsConfig::default() };
+        open(&file, &limits).map(|archive| archive.len()).map_err(|error| error.to_string())
+    };
+    let refused = opened(50).unwrap_err();
+    assert!(refused.contains("imports.max_files"), "{refused}");
+    assert_eq!(opened(20_000), Ok(50), "control");
 }
 
 #[test]
