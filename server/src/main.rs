@@ -5,7 +5,7 @@ use clap::{Parser, Subcommand};
 use lexsplat_gpu::{AdapterReport, Gpu, Tier};
 use lexsplat_server::access::{self, Scope};
 use lexsplat_server::pipeline::engine::Engine;
-use lexsplat_server::{Config, Listeners, Ready, inspect, serve, telemetry};
+use lexsplat_server::{Config, Listeners, Ready, Role, inspect, serve, serve_gateway, telemetry};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,6 +40,12 @@ struct Arguments {
     /// File of the callers and the hashes of their tokens, written by `lexsplat-server token`
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
+    /// What this server does in a fleet: everything on one machine, or one part
+    #[arg(long, value_enum, value_name = "ROLE")]
+    role: Option<Role>,
+    /// Addresses of the fleet's NATS servers, separated by commas
+    #[arg(long, value_name = "URLS", value_delimiter = ',')]
+    nats: Vec<String>,
     /// Listen on addresses that other machines can reach although nobody is asked who they are
     #[arg(long)]
     insecure_no_auth: bool,
@@ -191,15 +197,18 @@ fn adapter_row(report: &AdapterReport) -> [String; 8] {
 /// Settings from the file, the environment and the command line; later ones override.
 fn settings(arguments: Arguments) -> anyhow::Result<Config> {
     let mut config = Config::load(arguments.config.as_deref())?;
-    let Arguments { data_dir, grpc, http, models, adapter, tokens, insecure_no_auth, .. } =
-        arguments;
+    let Arguments { data_dir, grpc, http, models, adapter, tokens, .. } = arguments;
     config.access.tokens = tokens.or(config.access.tokens);
-    config.access.insecure_no_auth |= insecure_no_auth;
+    config.access.insecure_no_auth |= arguments.insecure_no_auth;
     config.server.data_dir = data_dir.or(config.server.data_dir);
     config.server.grpc = grpc.unwrap_or(config.server.grpc);
     config.server.http = http.unwrap_or(config.server.http);
     config.language.models = models.unwrap_or(config.language.models);
     config.gpu.adapter = adapter.or(config.gpu.adapter);
+    config.fleet.role = arguments.role.unwrap_or(config.fleet.role);
+    if !arguments.nats.is_empty() {
+        config.fleet.nats = arguments.nats;
+    }
     config.check()?;
     Ok(config)
 }
@@ -227,6 +236,10 @@ async fn run(config: Config) -> anyhow::Result<()> {
         grpc: bind("server.grpc", &config.server.grpc).await?,
         http: bind("server.http", &config.server.http).await?,
     };
+    if config.fleet.role == Role::Gateway {
+        serve_gateway(listeners, config, print_ready, stop).await?;
+        return Ok(());
+    }
     let pipeline = config.pipeline();
     let engine = tokio::task::spawn_blocking(move || Engine::start(pipeline))
         .await

@@ -59,6 +59,25 @@ pub(crate) const CONNECTIONS_ENDED: &str = "lexsplat_connections_ended_total";
 /// Gauge: open streams.
 pub(crate) const STREAMS: &str = "lexsplat_streams";
 
+/// Gauge: 1 while a fleet's server is connected with NATS, else 0.
+pub(crate) const FLEET_BUS_CONNECTED: &str = "lexsplat_fleet_bus_connected";
+/// Histogram: seconds until the fleet's log has a frame.
+pub(crate) const FLEET_PUBLISH_SECONDS: &str = "lexsplat_fleet_publish_seconds";
+/// Gauge: seconds for which the oldest frame of a gateway has waited for its acknowledgement.
+pub(crate) const FLEET_OLDEST_UNACKNOWLEDGED: &str = "lexsplat_fleet_oldest_unacknowledged_seconds";
+/// Gauge: maps of the fleet that no worker has, as a gateway sees it.
+pub(crate) const FLEET_UNOWNED_MAPS: &str = "lexsplat_fleet_unowned_maps";
+/// Gauge: maps that a worker has.
+pub(crate) const FLEET_MAPS_OWNED: &str = "lexsplat_fleet_maps_owned";
+/// Counter: maps that a worker took.
+pub(crate) const FLEET_TAKEOVERS: &str = "lexsplat_fleet_takeovers_total";
+/// Counter: maps that a worker lost to another one.
+pub(crate) const FLEET_LEASES_LOST: &str = "lexsplat_fleet_leases_lost_total";
+/// Gauge: messages of the log that a map does not have yet, by `map`.
+pub(crate) const FLEET_LOG_LAG: &str = "lexsplat_fleet_log_lag_frames";
+/// Counter: checkpoints that a worker could not write.
+pub(crate) const FLEET_CHECKPOINT_FAILURES: &str = "lexsplat_fleet_checkpoint_failures_total";
+
 /// Upper bounds of the histogram buckets, seconds.
 const BUCKETS: [f64; 12] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
@@ -189,6 +208,22 @@ fn describe() {
     metrics::describe_gauge!(CONNECTIONS, "Open connections");
     metrics::describe_counter!(CONNECTIONS_ENDED, "Connections that did not end well");
     metrics::describe_gauge!(STREAMS, "Open streams");
+    describe_fleet();
+}
+
+fn describe_fleet() {
+    metrics::describe_gauge!(FLEET_BUS_CONNECTED, "1 while the server is connected with NATS");
+    metrics::describe_histogram!(FLEET_PUBLISH_SECONDS, "Seconds until the log has a frame");
+    metrics::describe_gauge!(
+        FLEET_OLDEST_UNACKNOWLEDGED,
+        "Seconds for which the oldest frame has waited for its acknowledgement"
+    );
+    metrics::describe_gauge!(FLEET_UNOWNED_MAPS, "Maps that no worker has");
+    metrics::describe_gauge!(FLEET_MAPS_OWNED, "Maps that this worker has");
+    metrics::describe_counter!(FLEET_TAKEOVERS, "Maps that this worker took");
+    metrics::describe_counter!(FLEET_LEASES_LOST, "Maps that this worker lost to another one");
+    metrics::describe_gauge!(FLEET_LOG_LAG, "Messages of the log that a map does not have yet");
+    metrics::describe_counter!(FLEET_CHECKPOINT_FAILURES, "Checkpoints that were not written");
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 
 mod authority;
 pub mod bundle;
+mod fleet;
+mod link;
 pub mod onnx;
 mod outside;
 mod process;
@@ -12,8 +14,10 @@ mod robot;
 mod server;
 
 pub use authority::{Authority, Certified};
+pub use fleet::{Cluster, Nats};
+pub use link::{Link, Passing};
 pub use outside::{python, said};
-pub use process::{ServerProcess, program};
+pub use process::{ServerProcess, Signal, program};
 pub use recording::{zipped, zipped_walk};
 pub use robot::{Robot, raw};
 pub use server::{Server, first_error, tiny_config};

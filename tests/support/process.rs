@@ -1,9 +1,12 @@
 //! The server as a process of its own, for what only a process has: memory, and a sudden end.
 
 use crate::root;
+pub use rustix::process::Signal;
+use rustix::process::{Pid, kill_process};
 use serde_json::Value;
+use std::fs::File;
 use std::io::{BufRead as _, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 /// A running `lexsplat-server` on free ports; dropping it kills it (SIGKILL).
@@ -24,6 +27,12 @@ pub fn program(name: &str) -> PathBuf {
     program
 }
 
+/// Sends a signal to a process.
+pub(crate) fn send_signal(child: &Child, signal: Signal) {
+    let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+    kill_process(pid.expect("it has a number"), signal).expect("it runs");
+}
+
 impl ServerProcess {
     /// Starts with `configs/tiny.toml` and these settings (`LEXSPLAT__SECTION__KEY`), waits until it is
     /// ready.
@@ -40,14 +49,29 @@ impl ServerProcess {
         Self::run(command, settings)
     }
 
-    fn run(mut command: Command, settings: &[(&str, &str)]) -> Self {
+    /// The same with its log in a file.
+    pub fn logging(settings: &[(&str, &str)], log: &Path) -> Self {
+        Self::logging_of(Command::new(program("lexsplat-server")), settings, log)
+    }
+
+    /// The same with another build of the server, or one that another program starts.
+    pub fn logging_of(command: Command, settings: &[(&str, &str)], log: &Path) -> Self {
+        let log = File::options().create(true).append(true).open(log).expect("a file can be made");
+        Self::start_with(command, settings, log.into())
+    }
+
+    fn run(command: Command, settings: &[(&str, &str)]) -> Self {
+        Self::start_with(command, settings, Stdio::null())
+    }
+
+    fn start_with(mut command: Command, settings: &[(&str, &str)], log: Stdio) -> Self {
         let mut child = command
             .current_dir(root())
             .args(["--config", "configs/tiny.toml"])
             .args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"])
             .envs(settings.iter().copied())
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(log)
             .spawn()
             .expect("it runs");
         let mut ready = String::new();
@@ -56,6 +80,16 @@ impl ServerProcess {
         let ready: Value = serde_json::from_str(&ready).expect("it says that it is ready, in JSON");
         let address = |key: &str| ready[key].as_str().expect("an address").to_owned();
         Self { child, grpc: address("grpc"), http: address("http") }
+    }
+
+    /// Sends it a signal.
+    pub fn signal(&self, signal: Signal) {
+        send_signal(&self.child, signal);
+    }
+
+    /// Waits until it has ended by itself.
+    pub fn ended(&mut self) {
+        self.child.wait().expect("it can be waited for");
     }
 
     /// Memory of the process that is in the machine's memory, bytes.

@@ -10,6 +10,7 @@ pub use crate::net::TlsConfig;
 pub use server::ServerConfig;
 
 use crate::access::AccessConfig;
+use crate::fleet::{FleetConfig, Role};
 use crate::http::HttpConfig;
 use crate::import::ImportsConfig;
 use crate::ingest::IngestConfig;
@@ -20,7 +21,7 @@ use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
 use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
-use crate::pipeline::range::OutOfRange;
+use crate::pipeline::range::{OutOfRange, require};
 use crate::pipeline::tracker::TrackerConfig;
 use crate::store::RecordingConfig;
 use crate::telemetry::TelemetryConfig;
@@ -71,6 +72,8 @@ pub struct Config {
     pub imports: ImportsConfig,
     /// The log of the server.
     pub telemetry: TelemetryConfig,
+    /// Several machines that work together.
+    pub fleet: FleetConfig,
 }
 
 /// The GPU adapter, section `gpu`.
@@ -141,6 +144,10 @@ impl Config {
     /// # Errors
     /// [`ConfigError::OutOfRange`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.check_ranges().map_err(ConfigError::OutOfRange)
+    }
+
+    fn check_ranges(&self) -> Result<(), OutOfRange> {
         self.server.check()?;
         self.connections.check()?;
         self.recording.check()?;
@@ -153,7 +160,13 @@ impl Config {
         self.tracker.check()?;
         self.closure.check()?;
         self.mapper.check()?;
-        Ok(())
+        self.fleet.check()?;
+        require(
+            self.fleet.role != Role::Worker || self.server.tls.is_none(),
+            "server.tls",
+            "set",
+            "nothing for a worker: gateways speak with workers in plain text, on a network of their own",
+        )
     }
 
     /// The settings of the pipeline.
@@ -301,7 +314,8 @@ mod tests {
     #[test]
     fn every_section_is_checked() {
         type Change = fn(&mut Config);
-        let refused: [(&str, Change); 9] = [
+        let refused: [(&str, Change); 10] = [
+            ("fleet.replicas", |c| c.fleet.replicas = 0),
             ("connections.max", |c| c.connections.max = 0),
             ("ingest.ack_backlog", |c| c.ingest.ack_backlog = 0),
             ("http.event_backlog", |c| c.http.event_backlog = 0),

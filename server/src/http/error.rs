@@ -158,6 +158,7 @@ impl From<MapsError> for Problem {
                 problem.0.progress = Some(progress(*loaded));
                 problem
             }
+            MapsError::OfFleet => Self::new(StatusCode::CONFLICT, error.to_string()),
             MapsError::Panicked => Self::internal(error.to_string()),
         }
     }

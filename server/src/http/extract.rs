@@ -5,7 +5,7 @@ use super::state::Shared;
 use crate::access::client_name;
 use crate::pipeline::map::Map;
 use crate::pipeline::query::Client;
-use axum::extract::{FromRequest, FromRequestParts, Path, Request};
+use axum::extract::{FromRef, FromRequest, FromRequestParts, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use serde::Serialize;
@@ -14,16 +14,17 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The media type of numpy arrays.
 pub(super) const NPY: &str = "application/x-npy";
 
 /// The named segments of the path.
-pub(super) struct Segments(HashMap<String, String>);
+pub(crate) struct Segments(HashMap<String, String>);
 
 impl Segments {
     /// The segment that the route calls `name`.
-    pub(super) fn get(&self, name: &str) -> &str {
+    pub(crate) fn get(&self, name: &str) -> &str {
         self.0.get(name).map(String::as_str).unwrap_or_default()
     }
 }
@@ -62,7 +63,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Asker {
 }
 
 /// The query string.
-pub(super) struct Options<T>(pub(super) T);
+pub(crate) struct Options<T>(pub(crate) T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Options<T> {
     type Rejection = Problem;
@@ -74,18 +75,38 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Options<T> {
     }
 }
 
-/// A JSON body.
-pub(super) struct Body<T>(pub(super) T);
+/// Limits on the bodies of requests.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BodyLimits {
+    /// The longest body, bytes.
+    pub(crate) bytes: usize,
+    /// How long it may take.
+    pub(crate) time: Duration,
+}
 
-impl<T: DeserializeOwned + Serialize> FromRequest<Arc<Shared>> for Body<T> {
+impl FromRef<Arc<Shared>> for BodyLimits {
+    fn from_ref(state: &Arc<Shared>) -> Self {
+        Self { bytes: state.config.max_body_bytes, time: state.body_limit }
+    }
+}
+
+/// A JSON body.
+pub(crate) struct Body<T>(pub(crate) T);
+
+impl<T, S> FromRequest<S> for Body<T>
+where
+    T: DeserializeOwned + Serialize,
+    S: Send + Sync,
+    BodyLimits: FromRef<S>,
+{
     type Rejection = Problem;
 
-    async fn from_request(request: Request, state: &Arc<Shared>) -> Result<Self, Problem> {
+    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
         expect_type(request.headers(), "application/json")?;
-        let limit = state.config.max_body_bytes;
+        let BodyLimits { bytes: limit, time } = BodyLimits::from_ref(state);
         let body = axum::body::to_bytes(request.into_body(), limit);
-        let body = tokio::time::timeout(state.body_limit, body).await.map_err(|_| {
-            let detail = format!("the body was not complete within {:?}", state.body_limit);
+        let body = tokio::time::timeout(time, body).await.map_err(|_| {
+            let detail = format!("the body was not complete within {time:?}");
             Problem::new(StatusCode::REQUEST_TIMEOUT, detail)
         })?;
         let body = body.map_err(|_| {

@@ -92,7 +92,7 @@ fn of_store(state: &State) -> String {
 }
 
 /// Memory and descriptors of the process; empty on systems without `/proc`.
-fn of_process() -> String {
+pub(crate) fn of_process() -> String {
     let descriptors = std::fs::read_dir("/proc/self/fd").map_or_else(
         |_| String::new(),
         |open| gauge("process_open_fds", "Open file descriptors", open.count() as u64),

@@ -21,12 +21,12 @@ use utoipa::IntoParams;
 #[derive(Debug, Default, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(default, deny_unknown_fields)]
-pub(super) struct PageOfMaps {
+pub(crate) struct PageOfMaps {
     /// Number of maps in the answer; all if absent.
     #[param(minimum = 1)]
-    limit: Option<u32>,
+    pub(crate) limit: Option<u32>,
     /// Only maps whose names come after this one: `next` of the page before.
-    after: Option<String>,
+    pub(crate) after: Option<String>,
 }
 
 /// A page of keyframes.

@@ -29,11 +29,19 @@ mod render;
 mod router;
 mod schema;
 mod session;
+mod shell;
 mod state;
 mod to_json;
 
 pub use config::HttpConfig;
+pub(crate) use error::Problem;
+pub(crate) use extract::{Body, BodyLimits, Options, Segments};
+pub(crate) use health::of_process;
+pub(crate) use map::PageOfMaps;
+pub(crate) use openapi::document;
 pub(crate) use router::{Context, router};
+pub(crate) use shell::{Shell, shell};
+pub(crate) use to_json::listed;
 
 #[cfg(test)]
 mod tests;

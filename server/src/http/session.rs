@@ -5,15 +5,37 @@
 //! it. The server keeps nothing.
 
 use super::error::Problem;
-use super::extract::Body;
+use super::extract::{Body, BodyLimits};
 use super::guard::refused;
-use super::state::State;
-use crate::access::{COOKIE, Credentials};
+use crate::access::{COOKIE, Credentials, Gate};
 use crate::net::Peer;
-use axum::Extension;
+use axum::extract::{FromRef, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
+use axum::routing::post;
+use axum::{Extension, Router};
 use lexsplat_proto::json::{self, Login};
+
+#[derive(Clone)]
+struct Session {
+    gate: Gate,
+    limits: BodyLimits,
+}
+
+impl FromRef<Session> for BodyLimits {
+    fn from_ref(session: &Session) -> Self {
+        session.limits
+    }
+}
+
+/// The route of sessions.
+pub(super) fn router<S: Clone + Send + Sync + 'static>(
+    gate: Gate,
+    limits: BodyLimits,
+) -> Router<S> {
+    let session = Session { gate, limits };
+    Router::new().route("/v1/session", post(log_in).delete(log_out)).with_state(session)
+}
 
 /// Logs a browser in: the token becomes a cookie.
 #[utoipa::path(
@@ -23,8 +45,8 @@ use lexsplat_proto::json::{self, Login};
         (status = 401, description = "the token is not known", body = json::Problem, content_type = "application/problem+json"),
     ),
 )]
-pub(super) async fn log_in(
-    state: State,
+async fn log_in(
+    State(session): State<Session>,
     peer: Option<Extension<Peer>>,
     headers: HeaderMap,
     Body(login): Body<Login>,
@@ -34,7 +56,7 @@ pub(super) async fn log_in(
     let is_encrypted =
         peer.is_some_and(|Extension(peer)| peer.is_encrypted) || origin.starts_with(b"https://");
     let secure = if is_encrypted { "; Secure" } else { "" };
-    match state.gate.identify(Credentials { token: Some(&login.token), names: &[] }) {
+    match session.gate.identify(Credentials { token: Some(&login.token), names: &[] }) {
         Ok(_) => Ok(cookie(&login.token, secure)),
         Err(error) => Ok(refused(&error)),
     }
@@ -45,7 +67,7 @@ pub(super) async fn log_in(
     delete, path = "/v1/session", operation_id = "log_out", tag = "session",
     responses((status = 204, description = "logged out: the cookie is removed")),
 )]
-pub(super) async fn log_out() -> Response {
+async fn log_out() -> Response {
     cookie("", "; Max-Age=0")
 }
 

@@ -5,7 +5,6 @@ use super::config::HttpConfig;
 use super::error::Problem;
 use super::event_log::EventLogs;
 use super::file_cache::FileCache;
-use crate::access::Gate;
 use crate::import::Imports;
 use crate::maps::RecordedMaps;
 use crate::pipeline::engine::Engine;
@@ -16,7 +15,6 @@ use tokio_util::sync::CancellationToken;
 pub(super) struct Shared {
     pub(super) maps: RecordedMaps,
     pub(super) imports: Imports,
-    pub(super) gate: Gate,
     pub(super) config: HttpConfig,
     /// How long a request's body may take.
     pub(super) body_limit: Duration,

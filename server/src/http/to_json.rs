@@ -14,7 +14,7 @@ use lexsplat_proto::json;
 use nalgebra::Isometry3;
 
 /// A map in the list of maps.
-pub(super) fn listed(listed: Listed) -> json::Status {
+pub(crate) fn listed(listed: Listed) -> json::Status {
     let state = match listed.loading {
         Some(_) => json::MapState::Loading,
         None => state(&listed.status),

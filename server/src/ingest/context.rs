@@ -1,6 +1,7 @@
 //! State that all gRPC calls share.
 
 use super::config::IngestConfig;
+use super::stream::Terms;
 use crate::check::Limits;
 use crate::maps::RecordedMaps;
 use std::sync::Arc;
@@ -13,4 +14,11 @@ pub(super) struct Context {
     pub(super) limits: Limits,
     /// Cancelled when the server stops.
     pub(super) stopping: CancellationToken,
+}
+
+impl Context {
+    pub(super) fn terms(&self) -> Terms {
+        let Self { config, limits, stopping, .. } = self.clone();
+        Terms { config, limits, stopping }
+    }
 }

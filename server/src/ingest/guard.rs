@@ -34,7 +34,7 @@ pub(super) async fn guard(State(gate): State<Gate>, mut request: Request, next: 
 ///
 /// # Errors
 /// `INTERNAL` if the guard did not look, which would be a mistake in the server.
-pub(super) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
+pub(crate) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
     let caller = request.extensions().get::<Caller>().cloned();
     caller.ok_or_else(|| Status::internal("nobody looked who is calling"))
 }
@@ -43,7 +43,7 @@ pub(super) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
 ///
 /// # Errors
 /// `PERMISSION_DENIED`.
-pub(super) fn permit(caller: &Caller, map: &str, field: &str) -> Result<(), Status> {
+pub(crate) fn permit(caller: &Caller, map: &str, field: &str) -> Result<(), Status> {
     caller.may_use(map).map_err(|error| {
         let message = error.to_string();
         status::at_field(Code::PermissionDenied, &message, field, &message)

@@ -31,7 +31,7 @@ pub(super) async fn delete(context: &Context, name: &str) -> Result<(), Status> 
 }
 
 /// A map in the list of maps.
-pub(super) fn wire_listed(listed: Listed) -> v1::MapStatus {
+pub(crate) fn wire_listed(listed: Listed) -> v1::MapStatus {
     let loading = listed.loading.map(|progress| v1::LoadProgress {
         frames_done: progress.frames_done,
         frames_total: progress.frames_total,

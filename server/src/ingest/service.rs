@@ -1,10 +1,10 @@
-//! The `lexsplat.v1.Mapping` service, with health and reflection.
+//! The `lexsplat.v1.Mapping` service of a server with maps.
 
 use super::chunks::{Chunks, chunks, fitting};
 use super::config::IngestConfig;
 use super::context::Context;
-use super::guard::{caller, guard, permit};
-use super::unfinished::Unfinished;
+use super::guard::{caller, permit};
+use super::router::{IngestError, mapping, router};
 use super::{maps, query, status, stream};
 use crate::access::{Caller, Gate, client_name};
 use crate::check::Page;
@@ -12,28 +12,16 @@ use crate::maps::RecordedMaps;
 use crate::pipeline::query::Client;
 use axum::Router;
 use axum::http;
-use axum::middleware::from_fn_with_state;
-use lexsplat_proto::v1::mapping_server::{Mapping, MappingServer};
-use lexsplat_proto::{DESCRIPTORS, v1};
+use lexsplat_proto::v1;
+use lexsplat_proto::v1::mapping_server::Mapping;
 use prost::Message as _;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tonic::body::Body;
-use tonic::codec::CompressionEncoding;
-use tonic::service::Routes;
 use tonic::{Request, Response, Status, Streaming};
 use tower::ServiceExt as _;
-use tower::util::{BoxCloneSyncService, MapRequestLayer};
-
-/// Why the gRPC interface does not start.
-#[derive(Debug, thiserror::Error)]
-pub enum IngestError {
-    /// The reflection service does not start.
-    #[error("cannot load the descriptors of the gRPC messages")]
-    Reflection(#[from] tonic_reflection::server::Error),
-}
+use tower::util::BoxCloneSyncService;
 
 /// Calls from inside this process.
 pub(crate) type Calls = BoxCloneSyncService<http::Request<Body>, http::Response<Body>, Status>;
@@ -56,20 +44,13 @@ impl MappingService {
 
     /// Calls of a caller who was let in already, from inside this process.
     pub(crate) fn called_by(&self, caller: Caller) -> Calls {
-        let service =
-            self.clone().mapping().map_request(move |mut request: http::Request<Body>| {
+        let service = mapping(self.clone(), &self.0.config).map_request(
+            move |mut request: http::Request<Body>| {
                 request.extensions_mut().insert(caller.clone());
                 request
-            });
+            },
+        );
         BoxCloneSyncService::new(service.map_err(|never| match never {}))
-    }
-
-    fn mapping(self) -> MappingServer<Self> {
-        let longest = self.0.config.max_message_bytes;
-        MappingServer::new(self)
-            .max_decoding_message_size(longest)
-            .accept_compressed(CompressionEncoding::Gzip)
-            .accept_compressed(CompressionEncoding::Zstd)
     }
 
     /// The calls, with health and reflection.
@@ -77,32 +58,9 @@ impl MappingService {
     /// # Errors
     /// [`IngestError`].
     pub(crate) async fn router(self) -> Result<Router, IngestError> {
-        let (health, health_service) = tonic_health::server::health_reporter();
-        health.set_serving::<MappingServer<Self>>().await;
-        let stopping = self.0.stopping.clone();
-        tokio::spawn(async move {
-            stopping.cancelled().await;
-            health.set_not_serving::<MappingServer<Self>>().await;
-        });
-        // Most clients still use v1alpha of the reflection service.
-        let reflection = || {
-            tonic_reflection::server::Builder::configure()
-                .register_encoded_file_descriptor_set(DESCRIPTORS)
-                .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-        };
-        let (reflection, v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
-        let gate = self.1.clone();
-        let config = self.0.config.clone();
-        let timeout = Duration::from_secs(config.message_seconds);
-        let unfinished = Unfinished::new(config.max_unfinished_bytes, timeout);
-        let watch =
-            move |request: axum::extract::Request| request.map(|body| unfinished.watch(body));
-        let routes = Routes::new(health_service)
-            .add_service(reflection)
-            .add_service(v1alpha)
-            .add_service(self.mapping());
-        let router = routes.into_axum_router().layer(MapRequestLayer::new(watch));
-        Ok(router.layer(from_fn_with_state(gate, guard)))
+        let (gate, config, stopping) =
+            (self.1.clone(), self.0.config.clone(), self.0.stopping.clone());
+        router(self, gate, &config, stopping).await
     }
 }
 
@@ -121,7 +79,12 @@ impl Mapping for MappingService {
         request: Request<Streaming<v1::FrameMessage>>,
     ) -> Result<Response<Self::StreamFramesStream>, Status> {
         let caller = caller(&request)?;
-        Ok(Response::new(stream::start(self.0.clone(), caller, request.into_inner())))
+        Ok(Response::new(stream::start(
+            self.0.terms(),
+            self.0.maps.clone(),
+            caller,
+            request.into_inner(),
+        )))
     }
 
     async fn query(

@@ -56,7 +56,7 @@ pub(super) fn at_field(code: Code, message: &str, field: &str, description: &str
 }
 
 /// `INVALID_ARGUMENT` for a field that did not pass a check.
-pub(super) fn refused(refusal: &Refusal) -> Status {
+pub(crate) fn refused(refusal: &Refusal) -> Status {
     at_field(Code::InvalidArgument, &refusal.to_string(), &refusal.field, &refusal.reason)
 }
 
@@ -70,12 +70,13 @@ pub(super) fn of_maps(error: &MapsError, field: &str) -> Status {
             Status::internal(format!("the server cannot write to its data directory: {reason}"))
         }
         MapsError::Loading { .. } => Status::unavailable(error.to_string()),
+        MapsError::OfFleet => Status::failed_precondition(error.to_string()),
         MapsError::Panicked => Status::internal(error.to_string()),
     }
 }
 
 /// The status for an error of a map; `field` is the path of the map's name in the request.
-pub(super) fn of_map(error: &MapError, field: &str) -> Status {
+pub(crate) fn of_map(error: &MapError, field: &str) -> Status {
     let message = error.to_string();
     let (code, field) = match error {
         MapError::NotFound { .. } => (Code::NotFound, field),

@@ -99,7 +99,7 @@ async fn rebuild(
     let (counted, records) = blocking(move || (records.count_frames(), records)).await?;
     load.set_total(counted.map_err(unreadable)?);
     let restored = restore(maps, name, load).await?;
-    let mut replay = Replay::new(maps.engine(), limits, load, restored.map.as_deref());
+    let mut replay = Replay::new(maps.engine(), limits, name, load, restored.map.as_deref());
     let replayed = replay.run(name, records).await?;
     // A map may be empty.
     let (engine, map) = (maps.engine().clone(), name.to_owned());
@@ -124,7 +124,9 @@ async fn restore(maps: &RecordedMaps, name: &str, load: &Load) -> Result<Restore
         let file = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_owned();
         let (engine, map) = (maps.engine().clone(), name.to_owned());
         let restored = blocking(move || {
-            let Some(saved) = read(&path, engine.fingerprint())? else { return Ok(None) };
+            let Some(saved) = read_checkpoint(&path, engine.fingerprint())? else {
+                return Ok(None);
+            };
             let frames = saved.frames();
             let map =
                 engine.restore(&map, saved).map_err(|error| Unusable::Other(error.to_string()))?;
@@ -155,13 +157,22 @@ async fn restore(maps: &RecordedMaps, name: &str, load: &Load) -> Result<Restore
 }
 
 /// Why a checkpoint cannot be used.
-enum Unusable {
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Unusable {
+    #[error("{0}")]
     Damaged(String),
+    #[error("{0}")]
     Other(String),
 }
 
 /// Reads a checkpoint; `None` if another server made it.
-fn read(path: &Path, fingerprint: &str) -> Result<Option<Checkpoint>, Unusable> {
+///
+/// # Errors
+/// [`Unusable`].
+pub(crate) fn read_checkpoint(
+    path: &Path,
+    fingerprint: &str,
+) -> Result<Option<Checkpoint>, Unusable> {
     let fault = |fault: CheckpointFault| match fault {
         CheckpointFault::Damaged(_) => Unusable::Damaged(fault.to_string()),
         CheckpointFault::Store(error) => Unusable::Other(error.reason()),

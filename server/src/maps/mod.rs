@@ -6,10 +6,12 @@
 
 mod backup;
 mod error;
+mod feed;
 mod load;
 mod places;
 mod progress;
 mod recorded;
+mod recording;
 mod rename;
 mod replay;
 mod room;
@@ -17,11 +19,13 @@ mod save;
 
 pub(crate) use backup::{BackupError, backup, restore};
 pub(crate) use error::MapsError;
-pub(crate) use load::keep_loading;
+pub(crate) use feed::{Fed, Feed};
 #[cfg(test)]
 pub(crate) use load::load_all;
+pub(crate) use load::{Unusable, keep_loading, read_checkpoint};
 pub(crate) use progress::LoadProgress;
-pub(crate) use recorded::{Listed, RecordedMaps, Recording};
+pub(crate) use recorded::{Listed, RecordedMaps};
+pub(crate) use recording::Recording;
 pub(crate) use rename::{RenameError, rename};
 pub(crate) use room::watch_room;
 pub(crate) use save::{save_all, save_every};

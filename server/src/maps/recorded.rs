@@ -3,9 +3,10 @@
 use super::error::MapsError;
 use super::places::{Place, Places, Reserved, not_rebuilt};
 use super::progress::LoadProgress;
+use super::recording::Recording;
 use crate::pipeline::engine::Engine;
-use crate::pipeline::map::{Map, MapError, MapStatus, StreamGuard};
-use crate::store::{Recorder, Store, StoreError, Usage};
+use crate::pipeline::map::{Map, MapError, MapStatus};
+use crate::store::{Store, StoreError, Usage};
 use lexsplat_proto::v1;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -33,6 +34,8 @@ pub(crate) struct RecordedMaps {
     backups: Arc<Semaphore>,
     /// Places for backups that are put in place.
     restores: Arc<Semaphore>,
+    /// Whether only the fleet makes, fills and deletes maps.
+    is_of_fleet: bool,
 }
 
 /// Newest frame and revision of a map: it changes when the map does.
@@ -51,21 +54,24 @@ impl Listed {
     }
 }
 
-/// The right to send frames to a map; a map has at most one. Dropping it frees the map for the next
-/// sender.
-pub(crate) struct Recording {
-    sender: StreamGuard,
-    /// `None` if the server has no data directory.
-    recorder: Option<Recorder>,
-}
-
 impl RecordedMaps {
     pub(crate) fn new(engine: Arc<Engine>, store: Store) -> Self {
         let patience = Duration::ZERO;
         let [backups, restores] =
             [BACKUPS, RESTORES].map(|places| Arc::new(Semaphore::new(places)));
         let (places, saved) = (Arc::default(), Arc::default());
-        Self { engine, store, places, saved, patience, backups, restores }
+        Self { engine, store, places, saved, patience, backups, restores, is_of_fleet: false }
+    }
+
+    /// The same, where only the fleet makes, fills and deletes maps.
+    pub(crate) fn of_fleet(self) -> Self {
+        Self { is_of_fleet: true, ..self }
+    }
+
+    /// # Errors
+    /// [`MapsError::OfFleet`].
+    fn expect_own(&self) -> Result<(), MapsError> {
+        if self.is_of_fleet { Err(MapsError::OfFleet) } else { Ok(()) }
     }
 
     /// The same, where callers wait so long for a map that is being loaded.
@@ -119,6 +125,7 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapError::AlreadyExists`].
     pub(super) fn reserve_renamed(&self, name: &str) -> Result<Reserved, MapsError> {
+        self.expect_own()?;
         let reserved = self.places.reserve(name)?;
         if self.engine.map(name).is_ok() || self.store.has(name) {
             return Err(MapError::AlreadyExists { name: name.to_owned() }.into());
@@ -136,6 +143,7 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapError::Busy`] if somebody sends frames, [`MapError::TooMany`], [`MapsError::Loading`].
     pub(crate) fn expect_free(&self, name: &str) -> Result<Option<u64>, MapsError> {
+        self.expect_own()?;
         match self.get(name) {
             Ok(map) => {
                 drop(map.claim()?);
@@ -281,6 +289,7 @@ impl RecordedMaps {
     /// [`MapsError::Map`] if the name is invalid or taken, or there are too many maps; [`MapsError::Store`] if
     /// the data directory cannot keep it.
     pub(crate) async fn create(&self, name: &str) -> Result<Arc<Map>, MapsError> {
+        self.expect_own()?;
         self.places.expect_loaded(name)?;
         self.expect_place_for_new(name)?;
         let new = name.to_owned();
@@ -297,6 +306,7 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapsError`] if there is no such map or its recording cannot be removed.
     pub(crate) async fn delete(&self, name: &str) -> Result<(), MapsError> {
+        self.expect_own()?;
         let (this, name) = (self.clone(), name.to_owned());
         let deleted = tokio::spawn(async move { this.delete_now(&name).await }).await;
         deleted.map_err(|_| MapsError::Panicked)?
@@ -326,13 +336,14 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapsError`] if the map has a sender, or its recording cannot be written.
     pub(crate) async fn open(&self, open: &v1::OpenMap) -> Result<Recording, MapsError> {
+        self.expect_own()?;
         self.expect_loaded(&open.map).await?;
         self.expect_place_for_new(&open.map)?;
         let name = open.map.clone();
         let map = self.blocking(move |engine| engine.open(&name)).await?;
         let sender = map.claim()?;
         let recorder = self.store.record(open).await?;
-        Ok(Recording { sender, recorder })
+        Ok(Recording::new(sender, recorder))
     }
 
     /// Runs on a blocking thread: creating a map allocates GPU memory and starts a thread.
@@ -343,34 +354,5 @@ impl RecordedMaps {
         let engine = self.engine.clone();
         let done = tokio::task::spawn_blocking(move || work(&engine)).await;
         Ok(done.map_err(|_| MapsError::Panicked)??)
-    }
-}
-
-impl Recording {
-    pub(crate) fn map(&self) -> &Arc<Map> {
-        self.sender.map()
-    }
-
-    /// Records a frame; it is on disk when this returns. Does nothing without a data directory.
-    ///
-    /// # Errors
-    /// [`StoreError`]; then the frame is not in the recording and must not be mapped.
-    pub(crate) async fn record(&self, frame: v1::Frame) -> Result<(), StoreError> {
-        match &self.recorder {
-            Some(recorder) => recorder.append(frame).await,
-            None => Ok(()),
-        }
-    }
-
-    /// Whether frames are recorded.
-    pub(crate) fn is_recorded(&self) -> bool {
-        self.recorder.is_some()
-    }
-
-    /// Closes the recording of this stream.
-    pub(crate) async fn finish(&self) {
-        if let Some(recorder) = &self.recorder {
-            recorder.finish().await;
-        }
     }
 }

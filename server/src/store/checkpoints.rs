@@ -120,7 +120,9 @@ pub(super) fn write(
     let mut reserved = room.reserve_checkpoint(&label.map, replaced);
     let written = disk.create(&unfinished).and_then(|file| {
         let (reserved, refused) = (&mut reserved, &mut refused);
-        write_file(Reserving { file, reserved, refused }, label, write)
+        let (file, bytes) = encode(Reserving { file, reserved, refused }, label, write)?;
+        file.file.sync()?;
+        Ok(bytes)
     });
     let renamed = written.and_then(|bytes| disk.rename(&unfinished, &path).map(|()| bytes));
     let bytes = renamed.inspect_err(|_| {
@@ -158,11 +160,15 @@ impl Write for Reserving<'_, '_> {
     }
 }
 
-fn write_file(
-    file: Reserving<'_, '_>,
+/// Writes a checkpoint in its format. Returns what it was written to, and its bytes.
+///
+/// # Errors
+/// Those of `file` and `write`.
+pub(crate) fn encode<W: Write>(
+    file: W,
     label: &Label,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> std::io::Result<u64> {
+) -> std::io::Result<(W, u64)> {
     let mut out =
         Hashing { inner: BufWriter::with_capacity(BLOCK, file), hash: Sha256::new(), bytes: 0 };
     let label = serde_json::to_vec(label)?;
@@ -176,8 +182,7 @@ fn write_file(
     let Hashing { inner: mut file, hash, bytes } = out;
     file.write_all(&hash.finalize())?;
     let file = file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
-    file.file.sync()?;
-    Ok(bytes + CHECKSUM_BYTES)
+    Ok((file, bytes + CHECKSUM_BYTES))
 }
 
 /// A checkpoint that is being read. Its state may be used only after [`CheckpointReader::finish`].

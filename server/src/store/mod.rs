@@ -23,7 +23,9 @@ mod room;
 mod writer;
 
 pub(crate) use backup::{Backup, BackupFault, Unpacked};
-pub(crate) use checkpoints::{CheckpointFault, CheckpointReader, Label};
+pub(crate) use checkpoints::{
+    CheckpointFault, CheckpointReader, Label, encode as encode_checkpoint,
+};
 pub use config::RecordingConfig;
 pub(crate) use error::StoreError;
 pub(crate) use examine::{MapReport, examine};

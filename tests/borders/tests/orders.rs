@@ -109,6 +109,7 @@ pub const CRATES: &[Declared] = &[
             &["ingest"],
             &["import"],
             &["http"],
+            &["fleet"],
             &["config"],
             &["lib"],
         ],

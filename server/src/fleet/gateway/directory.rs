@@ -1,0 +1,127 @@
+//! Which worker to ask about a map.
+
+use super::super::bus::Bus;
+use super::super::follow::Table;
+use super::super::leases::Lease;
+use super::super::registry::MapEntry;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use tokio_util::sync::CancellationToken;
+use tonic::transport::{Channel, Endpoint};
+
+/// Between two looks for a worker.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// How long a connection to a worker may take.
+const CONNECT: Duration = Duration::from_secs(3);
+
+/// Why no worker can be asked.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NoWorker {
+    #[error("there is no map {map:?}")]
+    NoMap { map: String },
+    #[error("map {map:?} is being loaded by a worker. Try again in a few seconds")]
+    Loading { map: String },
+    #[error("no worker has map {map:?} yet: one will, or the fleet needs more workers")]
+    Nobody { map: String },
+}
+
+/// The maps and the workers that have them. Cheap to clone.
+#[derive(Clone)]
+pub(super) struct Directory {
+    maps: Table<MapEntry>,
+    leases: Table<Lease>,
+    lease_time: Duration,
+    /// How long callers wait for a worker.
+    wait: Duration,
+    channels: Arc<Mutex<BTreeMap<String, Channel>>>,
+}
+
+impl Directory {
+    pub(super) async fn new(
+        bus: &Bus,
+        lease_time: Duration,
+        wait: Duration,
+        stopping: &CancellationToken,
+    ) -> Self {
+        Self {
+            maps: Table::follow(bus.maps.clone(), stopping.clone()).await,
+            leases: Table::follow(bus.leases.clone(), stopping.clone()).await,
+            lease_time,
+            wait,
+            channels: Arc::default(),
+        }
+    }
+
+    /// Names of all maps.
+    pub(super) fn maps(&self) -> Vec<String> {
+        self.maps.all().into_iter().map(|(map, _)| map).collect()
+    }
+
+    /// Number of maps that no worker has.
+    pub(super) fn unowned(&self) -> usize {
+        let has_worker = |map: &String| self.lease(map).is_some();
+        self.maps().iter().filter(|map| !has_worker(map)).count()
+    }
+
+    fn lease(&self, map: &str) -> Option<Lease> {
+        let seen = self.leases.get(map)?;
+        (!seen.is_over(self.lease_time)).then_some(seen.value)
+    }
+
+    /// The worker that has loaded a map.
+    ///
+    /// # Errors
+    /// [`NoWorker`].
+    pub(super) fn worker(&self, map: &str) -> Result<Lease, NoWorker> {
+        let map_name = || map.to_owned();
+        if self.maps.get(map).is_none() {
+            return Err(NoWorker::NoMap { map: map_name() });
+        }
+        match self.lease(map) {
+            Some(lease) if lease.is_ready => Ok(lease),
+            Some(_) => Err(NoWorker::Loading { map: map_name() }),
+            None => Err(NoWorker::Nobody { map: map_name() }),
+        }
+    }
+
+    /// The same; waits for it, but not for long.
+    ///
+    /// # Errors
+    /// [`NoWorker`].
+    pub(super) async fn worker_soon(&self, map: &str) -> Result<Lease, NoWorker> {
+        let began = Instant::now();
+        loop {
+            match self.worker(map) {
+                Err(NoWorker::Loading { .. } | NoWorker::Nobody { .. })
+                    if began.elapsed() < self.wait =>
+                {
+                    tokio::time::sleep(LOOK_AGAIN).await;
+                }
+                found => return found,
+            }
+        }
+    }
+
+    /// Addresses of gRPC and HTTP of all workers that have maps.
+    pub(super) fn workers(&self) -> BTreeSet<(String, String)> {
+        let leases = self.leases.all().into_iter();
+        let living = leases.filter(|(_, seen)| !seen.is_over(self.lease_time));
+        living.map(|(_, seen)| (seen.value.grpc, seen.value.http)).collect()
+    }
+
+    /// A connection to the gRPC of a worker.
+    ///
+    /// # Errors
+    /// The reason why its address is none.
+    pub(super) fn channel(&self, grpc: &str) -> Result<Channel, tonic::transport::Error> {
+        let mut channels = self.channels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(channel) = channels.get(grpc) {
+            return Ok(channel.clone());
+        }
+        let endpoint = Endpoint::from_shared(format!("http://{grpc}"))?;
+        let channel = endpoint.connect_timeout(CONNECT).connect_lazy();
+        channels.insert(grpc.to_owned(), channel.clone());
+        Ok(channel)
+    }
+}
