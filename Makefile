@@ -73,12 +73,17 @@ bench: deps ## Times of the kernels and of questions on this machine
 	cargo bench -p lexsplat-registration
 	cargo test -p lexsplat-gpu --test proof -- --ignored --nocapture
 
+bench-fleet: ## What a fleet costs for each frame, against one machine: processor time and latency (ten minutes)
+	@deploy/setup.sh --tests
+	cargo build --workspace --bins
+	cargo test --workspace --test service -- --ignored --nocapture fleet_overhead::
+
 soak: ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kills, SOAK_SECONDS (3600) of load
 	@deploy/setup.sh --tests
 	cargo build --workspace --bins
 	$(call on_swiftshader)
 	cargo test --workspace --lib -- --ignored --nocapture many_histories
-	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1 --skip fleet_soak::
+	cargo test --workspace --test service -- --ignored --nocapture --test-threads 1 --skip fleet_soak:: --skip fleet_overhead::
 
 soak-fleet: ## A fleet in which FAULTS (200) things fail (half an hour); SEED says which. Then without fencing
 	@deploy/setup.sh --tests
@@ -124,4 +129,4 @@ training-test: .venv/export ## Tests of the scripts that make bundles (installs 
 	.venv/bin/pip install --quiet -r $<
 	@touch $@
 
-.PHONY: help deps demo test looks lint format lengths bench soak soak-fleet fuzz bundle training-test
+.PHONY: help deps demo test looks lint format lengths bench bench-fleet soak soak-fleet fuzz bundle training-test

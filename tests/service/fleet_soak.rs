@@ -7,7 +7,8 @@
 
 use crate::fleet_logs::{self, Findings};
 use lexsplat_proto::v1::mapping_client::MappingClient;
-use lexsplat_proto::v1::{self, FrameMessage, FrameStatus, frame_message::Message};
+use lexsplat_proto::v1::{FrameMessage, FrameStatus, frame_message::Message};
+use lexsplat_tests::wall;
 use lexsplat_tests::{Cluster, Link, Passing, ServerProcess, Signal, program};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -19,15 +20,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
 
 const ROBOTS: usize = 8;
 const WORKERS: usize = 3;
 const GATEWAYS: usize = 2;
 const NODES: usize = 3;
-const WIDTH: u32 = 32;
-const HEIGHT: u32 = 24;
-const PIXELS: usize = (WIDTH * HEIGHT) as usize;
 /// Between two frames of a robot.
 const PAUSE: Duration = Duration::from_millis(500);
 /// Between two faults, milliseconds.
@@ -42,46 +41,6 @@ const SLOW_BYTES: u32 = 100_000;
 
 fn number(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
-}
-
-fn open(map: &str) -> FrameMessage {
-    let open = v1::OpenMap {
-        map: map.into(),
-        intrinsics: Some(v1::Intrinsics {
-            width: WIDTH,
-            height: HEIGHT,
-            fx: 30.0,
-            fy: 30.0,
-            cx: 15.5,
-            cy: 11.5,
-        }),
-        depth_unit_metres: 0.001,
-        pose_source: v1::PoseSource::Given.into(),
-        label_texts: vec!["wall".into()],
-        ..v1::OpenMap::default()
-    };
-    FrameMessage { message: Some(Message::Open(open)) }
-}
-
-/// A wall 2 m away, with one label for all of it, so that no network has to look at it.
-fn frame(sequence: u64) -> FrameMessage {
-    let place = v1::Vector3 { x: 1e-4 * sequence as f64, y: 0.0, z: 0.0 };
-    let frame = v1::Frame {
-        sequence,
-        timestamp_nanos: 1 + sequence * 33_333_333,
-        color_format: v1::ColorFormat::Rgb8.into(),
-        color: (0..3 * PIXELS).map(|at| (at * 7 + at / 32 * 13) as u8).collect::<Vec<_>>().into(),
-        depth_format: v1::DepthFormat::U16.into(),
-        depth: 2000_u16.to_le_bytes().repeat(PIXELS).into(),
-        label_format: v1::LabelFormat::U16.into(),
-        labels: 1_u16.to_le_bytes().repeat(PIXELS).into(),
-        world_from_camera: Some(v1::Pose {
-            rotation: Some(v1::Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 }),
-            translation_metres: Some(place),
-        }),
-        ..v1::Frame::default()
-    };
-    FrameMessage { message: Some(Message::Frame(frame)) }
 }
 
 /// What robots and the test tell each other.
@@ -129,7 +88,7 @@ impl Robot {
         let connect = MappingClient::connect(format!("http://{gateway}"));
         let mut client = tokio::time::timeout(SILENCE, connect).await??;
         let (frames, sent) = mpsc::channel(2);
-        frames.send(open(&self.map)).await?;
+        frames.send(wall::open(&self.map)).await?;
         let acks = client.stream_frames(ReceiverStream::new(sent));
         let mut acks = tokio::time::timeout(SILENCE, acks).await??.into_inner();
         let opened = tokio::time::timeout(SILENCE, acks.message()).await??;
@@ -146,7 +105,8 @@ impl Robot {
         let sending = tokio::spawn(async move {
             let mut next = first;
             while !shared.is_ending.load(Ordering::Relaxed) {
-                if frames.send(frame(next)).await.is_err() {
+                let message = FrameMessage { message: Some(Message::Frame(wall::frame(next))) };
+                if frames.send(message).await.is_err() {
                     return;
                 }
                 next += 1;
@@ -226,6 +186,8 @@ struct Fleet {
     cluster: Cluster,
     /// Workers first, then gateways.
     servers: Vec<Option<ServerProcess>>,
+    /// Those that are being started. One that is cut off from NATS gives up, and is started again.
+    starting: Vec<Option<JoinHandle<ServerProcess>>>,
     /// From each server to each NATS node.
     to_nats: Vec<Vec<Link>>,
     /// From gateways to the gRPC and HTTP of each worker.
@@ -252,16 +214,33 @@ impl Fleet {
             ports.push(own);
         }
         let servers = (0..WORKERS + GATEWAYS).map(|_| None).collect();
-        let mut fleet = Self { cluster, servers, to_nats, to_worker, ports, program, shared };
-        for server in 0..WORKERS + GATEWAYS {
-            fleet.start_server(server).await;
-        }
+        let starting = (0..WORKERS + GATEWAYS).map(|_| None).collect();
+        let mut fleet =
+            Self { cluster, servers, starting, to_nats, to_worker, ports, program, shared };
+        (0..WORKERS + GATEWAYS).for_each(|server| fleet.start_server(server));
         fleet
     }
 
+    /// Takes in servers that have started, and starts those again that gave up.
+    async fn take_started(&mut self) {
+        for server in 0..WORKERS + GATEWAYS {
+            let is_over = |starting: &mut JoinHandle<_>| starting.is_finished();
+            let Some(started) = self.starting[server].take_if(is_over) else { continue };
+            match started.await {
+                Ok(started) => {
+                    self.servers[server] = Some(started);
+                    if server >= WORKERS {
+                        self.tell_gateway(server, Some(self.ports[server][0].clone()));
+                    }
+                }
+                Err(_) => self.start_server(server),
+            }
+        }
+    }
+
     /// Starts a server that does not run.
-    async fn start_server(&mut self, server: usize) {
-        if self.servers[server].is_some() {
+    fn start_server(&mut self, server: usize) {
+        if self.servers[server].is_some() || self.starting[server].is_some() {
             return;
         }
         let urls: Vec<String> =
@@ -291,15 +270,11 @@ impl Fleet {
             settings.push(("LEXSPLAT__FLEET__HTTP", http.address.clone()));
         }
         let (log, program) = (self.cluster.log(&name), self.program.clone());
-        let started = tokio::task::spawn_blocking(move || {
+        self.starting[server] = Some(tokio::task::spawn_blocking(move || {
             let settings: Vec<(&str, &str)> =
                 settings.iter().map(|(key, value)| (*key, value.as_str())).collect();
             ServerProcess::logging_of(Command::new(program), &settings, &log)
-        });
-        self.servers[server] = Some(started.await.expect("it starts"));
-        if server >= WORKERS {
-            self.tell_gateway(server, Some(self.ports[server][0].clone()));
-        }
+        }));
     }
 
     fn tell_gateway(&self, server: usize, address: Option<String>) {
@@ -353,9 +328,9 @@ impl Fleet {
 
     async fn end(&mut self, fault: Fault) {
         match fault {
-            Fault::KillWorker(at) => self.start_server(at).await,
+            Fault::KillWorker(at) => self.start_server(at),
             Fault::PauseWorker(at) => self.signal(at, Signal::CONT),
-            Fault::KillGateway(at) => self.start_server(WORKERS + at).await,
+            Fault::KillGateway(at) => self.start_server(WORKERS + at),
             Fault::KillNode(at) => self.cluster.restart(at),
             Fault::PauseNode(at) => self.cluster.signal(at, Signal::CONT),
             Fault::CutServer(server, node) => self.to_nats[server][node].set(Passing::All),
@@ -387,7 +362,7 @@ impl Fleet {
                 && reply.status().is_success()
             {
                 let trajectory: Value = reply.json().await.expect("it is JSON");
-                let frames = trajectory["frames"].as_array().expect("a list");
+                let frames = trajectory.as_array().expect("a list of poses");
                 return frames.iter().filter_map(|frame| frame["sequence"].as_u64()).collect();
             }
             assert!(began.elapsed() < RECOVERY, "map {map} cannot be read");
@@ -437,6 +412,7 @@ async fn soak(
         let next = Instant::now() + Duration::from_millis(random.random_range(APART));
         while Instant::now() < next {
             tokio::time::sleep(Duration::from_millis(100)).await;
+            fleet.take_started().await;
             let (over, left) = open.into_iter().partition(|(until, _)| *until < Instant::now());
             open = left;
             let over: Vec<(Instant, Fault)> = over;
@@ -449,10 +425,13 @@ async fn soak(
         fleet.end(fault).await;
     }
     // Faults may have overlapped: the first to end ends both.
-    for server in 0..WORKERS + GATEWAYS {
-        fleet.start_server(server).await;
+    (0..WORKERS + GATEWAYS).for_each(|server| fleet.start_server(server));
+    let began = Instant::now();
+    while fleet.servers.iter().any(Option::is_none) || began.elapsed() < Duration::from_secs(5) {
+        assert!(began.elapsed() < RECOVERY, "not all servers start");
+        fleet.take_started().await;
+        tokio::time::sleep(Duration::from_millis(100)).await;
     }
-    tokio::time::sleep(Duration::from_secs(5)).await;
     shared.is_ending.store(true, Ordering::Relaxed);
     let mut frames = 0;
     for (at, robot) in robots.into_iter().enumerate() {

@@ -5,6 +5,7 @@
 use foxglove::messages::RawImage;
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameMessage, frame_message::Message};
+use lexsplat_tests::wall::{self, STEP_METRES};
 use lexsplat_tests::{ServerProcess, program};
 use prost::Message as _;
 use rand::Rng as _;
@@ -19,11 +20,6 @@ use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::ReceiverStream;
 
 const MAP: &str = "kept";
-const WIDTH: u32 = 32;
-const HEIGHT: u32 = 24;
-const PIXELS: usize = (WIDTH * HEIGHT) as usize;
-/// Between two frames. So little that hardly one becomes a keyframe.
-const STEP_METRES: f64 = 1e-4;
 /// Rounds of `make test`, and of `make soak` unless `KILL_ROUNDS` says otherwise.
 const FEW_ROUNDS: usize = 5;
 const MANY_ROUNDS: usize = 1000;
@@ -34,55 +30,6 @@ const SEED: u64 = 22;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Longest life of a server that takes frames, milliseconds.
 const LONGEST_LIFE: u64 = 900;
-
-fn open() -> FrameMessage {
-    let open = v1::OpenMap {
-        map: MAP.into(),
-        intrinsics: Some(v1::Intrinsics {
-            width: WIDTH,
-            height: HEIGHT,
-            fx: 30.0,
-            fy: 30.0,
-            cx: 15.5,
-            cy: 11.5,
-        }),
-        depth_unit_metres: 0.001,
-        pose_source: v1::PoseSource::Given.into(),
-        label_texts: vec!["wall".into()],
-        ..v1::OpenMap::default()
-    };
-    FrameMessage { message: Some(Message::Open(open)) }
-}
-
-/// Colors that say which frame it is.
-fn colors(sequence: u64) -> Vec<u8> {
-    let mut colors: Vec<u8> = (0..3 * PIXELS).map(|at| (at * 7 + at / 32 * 13) as u8).collect();
-    colors[..8].copy_from_slice(&sequence.to_le_bytes());
-    colors
-}
-
-/// A wall 2 m away, with one label for all of it, so that no network has to look at it.
-fn frame(sequence: u64) -> v1::Frame {
-    v1::Frame {
-        sequence,
-        timestamp_nanos: 1 + sequence * 33_333_333,
-        color_format: v1::ColorFormat::Rgb8.into(),
-        color: colors(sequence).into(),
-        depth_format: v1::DepthFormat::U16.into(),
-        depth: 2000_u16.to_le_bytes().repeat(PIXELS).into(),
-        label_format: v1::LabelFormat::U16.into(),
-        labels: 1_u16.to_le_bytes().repeat(PIXELS).into(),
-        world_from_camera: Some(v1::Pose {
-            rotation: Some(v1::Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 }),
-            translation_metres: Some(v1::Vector3 {
-                x: STEP_METRES * sequence as f64,
-                y: 0.0,
-                z: 0.0,
-            }),
-        }),
-        ..v1::Frame::default()
-    }
-}
 
 /// What was done to the files between two rounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,11 +128,11 @@ impl Folder {
         let first = self.next;
         let sending = tokio::spawn(async move {
             let mut next = first;
-            if messages.send(open()).await.is_err() {
+            if messages.send(wall::open(MAP)).await.is_err() {
                 return next;
             }
             loop {
-                let message = FrameMessage { message: Some(Message::Frame(frame(next))) };
+                let message = FrameMessage { message: Some(Message::Frame(wall::frame(next))) };
                 if messages.send(message).await.is_err() {
                     return next;
                 }
@@ -357,7 +304,7 @@ impl Folder {
                     }
                     "/lexsplat/frame" => {
                         let rest = v1::Frame::decode(&message.data[..]).expect("a frame");
-                        let wanted = frame(rest.sequence);
+                        let wanted = wall::frame(rest.sequence);
                         assert_eq!(image.data, wanted.color, "frame {}", rest.sequence);
                         assert_eq!(
                             (rest.timestamp_nanos, rest.world_from_camera),

@@ -23,6 +23,7 @@ mod extremes;
 mod faults;
 mod fleet;
 mod fleet_logs;
+mod fleet_overhead;
 mod fleet_soak;
 mod imports;
 mod input_check;

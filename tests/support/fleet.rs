@@ -1,7 +1,7 @@
 //! NATS servers for a fleet on this machine, each a process of its own.
 
 use crate::link::{Link, Passing};
-use crate::process::{ServerProcess, Signal, send_signal};
+use crate::process::{ServerProcess, Signal, processor_time, send_signal};
 use crate::root;
 use serde_json::Value;
 use std::net::TcpListener;
@@ -58,6 +58,11 @@ impl Nats {
         told["nats"][0].as_str().map(str::to_owned)
     }
 
+    /// Processor time that it has used.
+    pub fn processor_time(&self) -> Duration {
+        processor_time(&self.child)
+    }
+
     /// Its address.
     pub fn url(&self) -> &str {
         &self.url
@@ -102,6 +107,9 @@ impl Cluster {
     /// Starts them.
     pub async fn start() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        // There may be none.
+        let _ = std::fs::remove_dir_all(logs());
+        std::fs::create_dir_all(logs()).expect("a folder can be made");
         let (ports, route_ports) = (free_ports(), free_ports());
         let mut routes = Vec::new();
         for from in 0..3 {
@@ -139,7 +147,9 @@ impl Cluster {
     pub fn restart(&mut self, node: usize) {
         if self.nodes[node].is_none() {
             let config = self.folder.path().join(format!("{node}.conf"));
-            let child = nats_server().arg("-c").arg(config).spawn().expect("it runs");
+            let log = logs().join(format!("nats-{node}"));
+            let child = nats_server().arg("-c").arg(config).arg("-l").arg(log).spawn();
+            let child = child.expect("it runs");
             self.nodes[node] = Some(child);
         }
     }
@@ -166,10 +176,14 @@ impl Cluster {
         routes.for_each(|(.., link)| link.set(passing));
     }
 
-    /// A file beside the data, for a log.
+    /// A file for a log, which stays when all has ended: `target/fleet-logs/NAME`.
     pub fn log(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        logs().join(name)
     }
+}
+
+fn logs() -> PathBuf {
+    root().join("target/fleet-logs")
 }
 
 impl Drop for Cluster {

@@ -12,6 +12,7 @@ mod process;
 mod recording;
 mod robot;
 mod server;
+pub mod wall;
 
 pub use authority::{Authority, Certified};
 pub use fleet::{Cluster, Nats};

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 /// A running `lexsplat-server` on free ports; dropping it kills it (SIGKILL).
 pub struct ServerProcess {
@@ -31,6 +32,17 @@ pub fn program(name: &str) -> PathBuf {
 pub(crate) fn send_signal(child: &Child, signal: Signal) {
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     kill_process(pid.expect("it has a number"), signal).expect("it runs");
+}
+
+/// Processor time that a process has used, in steps of 10 ms.
+pub(crate) fn processor_time(child: &Child) -> Duration {
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.id()));
+    let stat = stat.expect("Linux says what a process takes");
+    // The name of the program may have spaces; it is in brackets.
+    let (_, fields) = stat.rsplit_once(") ").expect("a name");
+    let ticks =
+        fields.split(' ').skip(11).take(2).map(|field| field.parse::<u64>().expect("ticks"));
+    Duration::from_millis(ticks.sum::<u64>() * 10)
 }
 
 impl ServerProcess {
@@ -68,7 +80,8 @@ impl ServerProcess {
         let mut child = command
             .current_dir(root())
             .args(["--config", "configs/tiny.toml"])
-            .args(["--grpc", "127.0.0.1:0", "--http", "127.0.0.1:0"])
+            .env("LEXSPLAT__SERVER__GRPC", "127.0.0.1:0")
+            .env("LEXSPLAT__SERVER__HTTP", "127.0.0.1:0")
             .envs(settings.iter().copied())
             .stdout(Stdio::piped())
             .stderr(log)
@@ -90,6 +103,11 @@ impl ServerProcess {
     /// Waits until it has ended by itself.
     pub fn ended(&mut self) {
         self.child.wait().expect("it can be waited for");
+    }
+
+    /// Processor time that it has used.
+    pub fn processor_time(&self) -> Duration {
+        processor_time(&self.child)
     }
 
     /// Memory of the process that is in the machine's memory, bytes.

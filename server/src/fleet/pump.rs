@@ -64,6 +64,13 @@ pub(super) enum PumpError {
     Map(String),
 }
 
+impl PumpError {
+    /// Whether the next try may succeed: NATS did not answer.
+    pub(super) fn is_passing(&self) -> bool {
+        matches!(self, Self::Failed(_) | Self::Change(_))
+    }
+}
+
 /// Where a frame is in the log.
 struct Position {
     sequence: u64,

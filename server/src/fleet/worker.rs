@@ -165,7 +165,8 @@ impl Worker {
                 Ok(Ok(())) => tracing::info!(map, "gave a map up"),
                 Ok(Err(error)) => {
                     tracing::error!(map, %error, "gave a map up");
-                    let until = Instant::now() + self.lease_time * LEFT_ALONE;
+                    let leases = if error.is_passing() { 1 } else { LEFT_ALONE };
+                    let until = Instant::now() + self.lease_time * leases;
                     self.left_alone.insert(map.clone(), until);
                 }
                 Err(_) => tracing::error!(map, "the thread of a map's log panicked"),

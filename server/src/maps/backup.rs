@@ -36,6 +36,7 @@ pub(crate) async fn backup(
     maps: &RecordedMaps,
     name: &str,
 ) -> Result<(Backup, OwnedSemaphorePermit), BackupError> {
+    maps.expect_own()?;
     let Ok(place) = maps.backups().try_acquire_owned() else { return Err(BackupError::Busy) };
     match maps.get(name) {
         Ok(map) => {

@@ -15,7 +15,8 @@ pub(crate) enum MapsError {
     Loading { name: String, progress: LoadProgress },
     /// This server is a worker of a fleet.
     #[error(
-        "this server is a worker of a fleet, which maps what the fleet's log has: ask a gateway of the fleet"
+        "the maps of a fleet come from its frame log: gateways make, fill and delete them. They cannot be renamed, \
+         filled by uploads, backed up or restored over this interface"
     )]
     OfFleet,
     #[error("creating the map panicked: the server's log has the message")]

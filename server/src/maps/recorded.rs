@@ -68,9 +68,11 @@ impl RecordedMaps {
         Self { is_of_fleet: true, ..self }
     }
 
+    /// Checks that maps are this server's own.
+    ///
     /// # Errors
     /// [`MapsError::OfFleet`].
-    fn expect_own(&self) -> Result<(), MapsError> {
+    pub(super) fn expect_own(&self) -> Result<(), MapsError> {
         if self.is_of_fleet { Err(MapsError::OfFleet) } else { Ok(()) }
     }
 
