@@ -53,13 +53,13 @@ lint: ## Format, lints, types, messages, documentation, licences, spelling
 	.deps/lint/bin/typos
 	.deps/buf/bin/buf lint proto
 	.deps/lint/bin/ruff check --no-cache
-	.deps/lint/bin/ruff format --no-cache --check client tests training
+	.deps/lint/bin/ruff format --no-cache --check client deploy tests training
 	cd client/python && PYTHONPATH=$(CURDIR)/.deps/types python3 -m mypy --cache-dir=/dev/null
 
 format: ## Format the Rust and Python sources
 	@deploy/setup.sh --lint
 	cargo fmt --all
-	.deps/lint/bin/ruff format --no-cache client tests training
+	.deps/lint/bin/ruff format --no-cache client deploy tests training
 
 lengths: ## Print median and longest files and functions, and circles among imports
 	@cargo run --quiet -p lexsplat-borders -- lengths $(SOURCES)
@@ -87,6 +87,7 @@ soak: ## Long proofs (three hours): whole walks of rooms, KILL_ROUNDS (1000) kil
 
 soak-fleet: ## A fleet in which FAULTS (200) things fail (half an hour); SEED says which. Then without fencing
 	@deploy/setup.sh --tests
+	@deploy/setup.sh --fleet
 	cargo build --workspace --bins
 	cargo test --workspace --test service -- --ignored --nocapture nothing_acknowledged_is_lost_whatever_fails
 	cargo build -p lexsplat-server --features unfenced --target-dir target/unfenced

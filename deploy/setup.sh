@@ -7,6 +7,7 @@
 #   deploy/setup.sh --tests    also for the tests: a Python gRPC client, readers of exported files,
 #                              SwiftShader as a second Vulkan driver and Chromium where Debian's packages
 #                              have them, viewers of splats where there is npm
+#   deploy/setup.sh --fleet    for make soak-fleet: a library that makes clocks wrong
 #   deploy/setup.sh --lint     only the linters: typos, ruff, mypy and buf
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -79,6 +80,31 @@ if [ "${1:-}" = --lint ]; then
     say "installing buf $BUF_VERSION into .deps/buf"
     mkdir -p .deps
     pip_install .deps/buf --only-binary=:all: --no-deps "buf-bin==$BUF_VERSION"
+  fi
+  exit
+fi
+
+# Debian has the library in a package; only the library is unpacked, and nothing is installed.
+faketime=.deps/faketime
+unpack_faketime() (
+  cd "$faketime.partial"
+  fetch() { apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=20 "$@"; }
+  fetch download libfaketime || { [ "$(id -u)" = 0 ] && fetch update && fetch download libfaketime; } &&
+    dpkg-deb --fsys-tarfile libfaketime_*.deb |
+    tar -x --wildcards --transform='s|.*/||' './usr/lib/*/faketime/libfaketimeMT.so.1' &&
+    rm libfaketime_*.deb && [ -f libfaketimeMT.so.1 ]
+)
+if [ "${1:-}" = --fleet ]; then
+  if [ ! -d "$faketime" ]; then
+    say "unpacking a library that makes clocks wrong into $faketime"
+    rm -rf "$faketime.partial"
+    mkdir -p "$faketime.partial"
+    if why=$(unpack_faketime 2>&1); then
+      mv "$faketime.partial" "$faketime"
+    else
+      rm -rf "$faketime.partial"
+      say "it cannot be had here, so all clocks are right: $(tail -n 1 <<<"$why")"
+    fi
   fi
   exit
 fi

@@ -65,9 +65,9 @@ pub(super) enum PumpError {
 }
 
 impl PumpError {
-    /// Whether the next try may succeed: NATS did not answer.
+    /// Whether the next try may succeed: NATS did not answer, or the log is that of another map of this name.
     pub(super) fn is_passing(&self) -> bool {
-        matches!(self, Self::Failed(_) | Self::Change(_))
+        matches!(self, Self::Failed(_) | Self::Change(_) | Self::Read(ReadError::Gap { .. }))
     }
 }
 
