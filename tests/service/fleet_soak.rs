@@ -9,7 +9,7 @@ use crate::fleet_logs::{self, Findings};
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{FrameMessage, FrameStatus, frame_message::Message};
 use lexsplat_tests::wall;
-use lexsplat_tests::{Cluster, Link, Passing, ServerProcess, Signal, program, root};
+use lexsplat_tests::{Cluster, Link, Passing, ServerProcess, Signal, free_port, program, root};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
@@ -396,10 +396,8 @@ fn with_clock(program: PathBuf, server: usize) -> Command {
     command
 }
 
-/// An address that is free now.
 fn free_address() -> String {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").expect("a port is free");
-    port.local_addr().expect("it is bound").to_string()
+    format!("127.0.0.1:{}", free_port())
 }
 
 /// Lets `count` things fail. Returns what the logs say, and how many frames the maps have.

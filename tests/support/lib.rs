@@ -15,7 +15,7 @@ mod server;
 pub mod wall;
 
 pub use authority::{Authority, Certified};
-pub use fleet::{Cluster, Nats};
+pub use fleet::{Cluster, Nats, free_port};
 pub use link::{Link, Passing};
 pub use outside::{python, said};
 pub use process::{ServerProcess, Signal, program};
