@@ -125,7 +125,14 @@ pub async fn serve(
     let store = Store::open(data_dir, &config.recording)?;
     let patience = Duration::from_secs(config.server.loading_wait_seconds);
     let maps = RecordedMaps::new(engine.clone(), store).waiting(patience);
-    let maps = if is_worker { maps.of_fleet() } else { maps };
+    let worker = match is_worker {
+        true => Some(worker(engine.clone(), &config, edge.addresses, &stopping).await?),
+        false => None,
+    };
+    let maps = match &worker {
+        Some(worker) => maps.of_fleet(Arc::new(worker.copies())),
+        None => maps,
+    };
     maps.find_recordings()?;
     let gate = edge.gate.clone();
     let service = MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
@@ -140,8 +147,7 @@ pub async fn serve(
         stopping: stopping.clone(),
     });
     let mut background = keep_maps(&maps, &config, &stopping);
-    if is_worker {
-        let worker = worker(&maps, &config, edge.addresses, &stopping).await?;
+    if let Some(worker) = worker {
         background.spawn(worker.run(stopping.clone()));
     }
     let ready = ready(engine.adapter(), engine.bundle(), edge.addresses);
@@ -190,9 +196,9 @@ pub async fn serve_gateway(
     running.until(shutdown).await
 }
 
-/// The worker of a fleet that has `maps`.
+/// The worker of a fleet, whose maps are in `engine`.
 async fn worker(
-    maps: &RecordedMaps,
+    engine: Arc<Engine>,
     config: &Config,
     addresses: [SocketAddr; 2],
     stopping: &CancellationToken,
@@ -200,7 +206,7 @@ async fn worker(
     let bus = Bus::connect(&config.fleet).await?;
     let every = Duration::from_secs(config.server.checkpoint_seconds);
     let limits = config.ingest.limits();
-    Ok(Worker::new(bus, maps, &config.fleet, limits, every, addresses, stopping).await)
+    Ok(Worker::new(bus, engine, &config.fleet, limits, every, addresses, stopping).await)
 }
 
 /// What is at the edge of every server: addresses, certificates, and who may call.

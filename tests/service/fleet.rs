@@ -61,6 +61,12 @@ impl Fleet {
         }
     }
 
+    /// The same where others may have copies of the map: the worker that wrote that it took it.
+    async fn owner_of_lease(&self) -> usize {
+        let took = |name: &str| self.log(name).contains("took a map");
+        usize::from(!took("a"))
+    }
+
     fn log(&self, name: &str) -> String {
         std::fs::read_to_string(self.nats.log(name)).expect("it wrote a log")
     }
@@ -240,4 +246,50 @@ async fn a_worker_that_stops_hands_its_map_over_in_a_checkpoint() {
     let deleted = client.delete(&http).send().await.expect("it answers");
     assert_eq!(deleted.status(), 204);
     assert_eq!(reqwest::get(&http).await.expect("it answers").status(), 404);
+}
+
+/// Status and age of an answer of the gateway that may be so old.
+async fn asked(gateway: &str, max_staleness: Option<&str>) -> (u16, Option<u64>) {
+    let url = format!("http://{gateway}/v1/maps/{MAP}/export/trajectory.tum");
+    let mut request = reqwest::Client::new().get(url);
+    if let Some(seconds) = max_staleness {
+        request = request.header("lexsplat-max-staleness", seconds);
+    }
+    let reply = request.send().await.expect("it answers");
+    let age = reply.headers().get("lexsplat-age");
+    let age = age.map(|age| age.to_str().expect("text").parse().expect("seconds"));
+    (reply.status().as_u16(), age)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn questions_that_may_be_answered_late_do_not_need_the_owner() {
+    let robot = Robot::new(6, 8);
+    let [every, wait] = ["CHECKPOINT_SECONDS", "LOADING_WAIT_SECONDS"]
+        .map(|key| format!("LEXSPLAT__SERVER__{key}"));
+    let mut fleet = Fleet::start(&[(every.as_str(), "1"), (wait.as_str(), "0")]);
+    let (mut sender, _) = Sender::open(&fleet.gateway.grpc, &robot).await.expect("it opens");
+    sender.send(&robot, 0..8).await;
+    sender.durable(0..8).await;
+    let gateway = fleet.gateway.http.clone();
+    assert_eq!(asked(&gateway, Some("soon")).await, (400, None));
+    let began = Instant::now();
+    let age = loop {
+        assert!(began.elapsed() < PATIENCE, "no answer from a checkpoint");
+        match asked(&gateway, Some("600")).await {
+            (200, Some(age)) => break age,
+            _ => tokio::time::sleep(Duration::from_millis(200)).await,
+        }
+    };
+    assert!(age < 240, "{age} s");
+    assert_eq!(asked(&gateway, None).await, (200, None));
+    // Nothing is as new as that: the owner answers.
+    assert_eq!(asked(&gateway, Some("0")).await, (200, None));
+    let owner = fleet.owner_of_lease().await;
+    fleet.workers[owner] = None;
+    let mut answered = 0;
+    for _ in 0..8 {
+        answered += usize::from(matches!(asked(&gateway, Some("600")).await, (200, Some(_))));
+    }
+    assert!(answered > 0, "nobody answers");
+    assert_eq!(asked(&gateway, None).await.0, 503);
 }

@@ -10,7 +10,7 @@ pub use crate::net::TlsConfig;
 pub use server::ServerConfig;
 
 use crate::access::AccessConfig;
-use crate::fleet::{FleetConfig, Role};
+use crate::fleet::{FleetConfig, MOST_UNREAD, Role};
 use crate::http::HttpConfig;
 use crate::import::ImportsConfig;
 use crate::ingest::IngestConfig;
@@ -21,7 +21,7 @@ use crate::pipeline::encoder::LanguageConfig;
 use crate::pipeline::engine::PipelineConfig;
 use crate::pipeline::mapper::MapperConfig;
 use crate::pipeline::query::QueryConfig;
-use crate::pipeline::range::{OutOfRange, require};
+use crate::pipeline::range::{OutOfRange, require, within};
 use crate::pipeline::tracker::TrackerConfig;
 use crate::store::RecordingConfig;
 use crate::telemetry::TelemetryConfig;
@@ -161,6 +161,9 @@ impl Config {
         self.closure.check()?;
         self.mapper.check()?;
         self.fleet.check()?;
+        if self.fleet.role != Role::All {
+            within("ingest.ack_backlog", self.ingest.ack_backlog, 1..=MOST_UNREAD)?;
+        }
         require(
             self.fleet.role != Role::Worker || self.server.tls.is_none(),
             "server.tls",

@@ -14,8 +14,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Acknowledgements that a worker keeps for those who missed them. A stream waits for fewer.
-const KEPT: usize = 256;
+/// Acknowledgements that a worker keeps for those who missed them.
+const KEPT: usize = 1024;
+/// The most unread acknowledgements that a stream of a gateway may have: so few that a worker has all that it waits
+/// for.
+pub(crate) const MOST_UNREAD: usize = KEPT / 2;
 /// The fencing token of the worker.
 const TOKEN: &str = "Lexsplat-Token";
 
@@ -138,16 +141,17 @@ impl Waiting {
     }
 }
 
-/// Hands the acknowledgements of a map to a stream that waits, and asks for those that do not come.
+/// Hands the acknowledgements of a map to a stream that waits, and asks for those that do not come. `newest`: the
+/// greatest fencing token of an owner that is known.
 pub(super) async fn receive(
     bus: Bus,
     map: String,
     stream: String,
     waiting: Waiting,
     mut acks: Subscriber,
+    mut newest: u64,
     patience: Duration,
 ) {
-    let mut newest = 0;
     let mut look = tokio::time::interval(patience);
     loop {
         let message = tokio::select! {

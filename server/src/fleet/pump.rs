@@ -1,22 +1,19 @@
 //! A map that this worker has: its newest checkpoint, then the log; acknowledgements and new checkpoints out.
 
 use super::acks::AckLog;
-use super::bus::{Bus, Failed};
-use super::checkpoints::{self, Beginning};
-use super::config::Trim;
+use super::bus::Failed;
+use super::checkpoints;
 use super::log::{Entry, ReadError, Reader, Record};
-use super::registry::{self, ChangeError, MapEntry, Saved};
-use crate::check::Limits;
+use super::registry::{self, ChangeError, MapEntry};
+use super::saver::{Position, Positions, Saver, Terms};
 use crate::ingest::{outcome_ack, refused_ack};
 use crate::maps::{Fed, Feed};
-use crate::pipeline::engine::Engine;
 use crate::pipeline::frame::FrameOutcome;
 use crate::pipeline::map::Map;
-use crate::telemetry::{FLEET_CHECKPOINT_FAILURES, FLEET_LOG_LAG};
+use crate::telemetry::FLEET_LOG_LAG;
 use lexsplat_proto::v1::{self, FrameAck};
-use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
@@ -26,20 +23,6 @@ use tokio_util::sync::CancellationToken;
 const LOOK: Duration = Duration::from_millis(500);
 /// Frames whose acknowledgements wait.
 const BACKLOG: usize = 64;
-/// How long the acknowledgements of a checkpoint's frames may take.
-const ACKNOWLEDGED_WITHIN: Duration = Duration::from_secs(10);
-
-/// What all maps of a worker share.
-#[derive(Clone)]
-pub(super) struct Terms {
-    pub bus: Bus,
-    pub engine: Arc<Engine>,
-    pub limits: Limits,
-    /// Between two checkpoints of a map that changes; zero: only at the end.
-    pub checkpoint_every: Duration,
-    pub trim: Trim,
-}
-
 /// How a map is doing, for the worker.
 #[derive(Default)]
 pub(super) struct Progress {
@@ -71,18 +54,6 @@ impl PumpError {
     }
 }
 
-/// Where a frame is in the log.
-struct Position {
-    sequence: u64,
-    first: u64,
-    last: u64,
-    /// The opening message of its stream.
-    open: Arc<v1::OpenMap>,
-}
-
-/// Frames that no checkpoint has, oldest first.
-type Positions = Arc<Mutex<VecDeque<Position>>>;
-
 /// A frame whose acknowledgement is due.
 enum Due {
     Mapped(oneshot::Receiver<FrameOutcome>),
@@ -112,6 +83,8 @@ pub(super) async fn run(
     token: u64,
     progress: Arc<Progress>,
 ) -> Result<(), PumpError> {
+    // Loading a copy takes time, which the worker's other maps have to be spared.
+    terms.copies.make_room(&map).await;
     let ended = tokio::select! {
         ended = serve(&terms, &map, token, &progress) => ended,
         () = progress.lost.cancelled() => Ok(()),
@@ -119,6 +92,7 @@ pub(super) async fn run(
     metrics::gauge!(FLEET_LOG_LAG, "map" => map.clone()).set(0.0);
     // An error means that there is none.
     let _ = terms.engine.delete(&map).await;
+    terms.copies.release(&map).await;
     ended
 }
 
@@ -195,10 +169,8 @@ impl Pump {
                 entry = self.reader.next() => {
                     let entry = entry?;
                     let position = entry.last;
-                    tokio::select! {
-                        done = self.take(entry) => done?,
-                        () = progress.stop.cancelled() => break,
-                    }
+                    // To its end: the acknowledgement of a frame that the map has must not be lost.
+                    self.take(entry).await?;
                     if position >= goal {
                         progress.is_ready.store(true, Ordering::Relaxed);
                     }
@@ -206,7 +178,8 @@ impl Pump {
             }
         }
         if let Some(saving) = self.saving.take() {
-            saving.await.map_err(|_| PumpError::Map("writing a checkpoint panicked".into()))??;
+            // One that failed was told; the last one is tried in any case.
+            let _ = saving.await;
         }
         self.saver().save(map).await?;
         Ok(())
@@ -275,89 +248,6 @@ impl Pump {
             acks: self.acks.clone(),
             positions: self.positions.clone(),
         }
-    }
-}
-
-/// Writes checkpoints of a map.
-struct Saver {
-    terms: Terms,
-    map: String,
-    id: String,
-    token: u64,
-    acks: Arc<AckLog>,
-    positions: Positions,
-}
-
-impl Saver {
-    /// Writes a checkpoint if the map has frames that none has.
-    async fn save(&self, map: &Map) -> Result<(), ChangeError> {
-        let saved = self.try_save(map).await;
-        if let Err(ChangeError::Failed(error)) = &saved {
-            metrics::counter!(FLEET_CHECKPOINT_FAILURES).increment(1);
-            tracing::error!(%error, map = self.map, "a checkpoint was not written: the log has the frames");
-        }
-        saved
-    }
-
-    async fn try_save(&self, map: &Map) -> Result<(), ChangeError> {
-        let failed = |reason| Failed::new("copying the map", reason);
-        if !self.has_new(map.received_through()) {
-            return Ok(());
-        }
-        let state = map.save().await.map_err(failed)?;
-        let Some(through) = state.through() else { return Ok(()) };
-        let Some((first, position, open)) = self.position_of(through) else { return Ok(()) };
-        let began = Instant::now();
-        while !self.acks.has(through) && began.elapsed() < ACKNOWLEDGED_WITHIN {
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
-        let saved = Saved {
-            object: checkpoints::object_of(&self.map, self.token, through),
-            fingerprint: self.terms.engine.fingerprint().to_owned(),
-            through,
-            position,
-            token: self.token,
-        };
-        let beginning = Beginning { open: Some(open), acks: self.acks.through(through) };
-        let bus = &self.terms.bus;
-        let bytes = checkpoints::write(bus, &self.map, &saved, beginning, state).await?;
-        let object = saved.object.clone();
-        let changed = registry::set_checkpoint(bus, &self.map, &self.id, saved).await;
-        let (before, revision) = match changed {
-            Ok(changed) => changed,
-            Err(error) => {
-                registry::forget(bus, &object).await;
-                return Err(error);
-            }
-        };
-        tracing::info!(map = self.map, token = self.token, through, revision, bytes, "checkpoint");
-        if let Some(before) = before.filter(|before| before.object != object) {
-            registry::forget(bus, &before.object).await;
-        }
-        self.forget_through(through);
-        if self.terms.trim == Trim::Checkpoint {
-            bus.trim(&self.map, first).await?;
-        }
-        Ok(())
-    }
-
-    /// Whether the map has frames that no checkpoint has.
-    fn has_new(&self, received_through: Option<u64>) -> bool {
-        let positions = self.positions.lock().unwrap_or_else(PoisonError::into_inner);
-        let oldest = positions.front().map(|position| position.sequence);
-        oldest.is_some_and(|oldest| received_through.is_some_and(|through| oldest <= through))
-    }
-
-    /// Positions of the first and last part of a frame, and the opening message of its stream.
-    fn position_of(&self, sequence: u64) -> Option<(u64, u64, v1::OpenMap)> {
-        let positions = self.positions.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = positions.iter().find(|position| position.sequence == sequence)?;
-        Some((found.first, found.last, (*found.open).clone()))
-    }
-
-    fn forget_through(&self, sequence: u64) {
-        let mut positions = self.positions.lock().unwrap_or_else(PoisonError::into_inner);
-        positions.retain(|position| position.sequence > sequence);
     }
 }
 

@@ -3,6 +3,7 @@
 use super::bus::{Bus, Failed, key};
 use async_nats::jetstream::kv::{CreateErrorKind, Operation, UpdateErrorKind};
 use serde::{Deserialize, Serialize};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A map.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -27,6 +28,20 @@ pub(super) struct Saved {
     pub position: u64,
     /// Fencing token of the owner who wrote it.
     pub token: u64,
+    /// When the map was copied for it, by the owner's clock: seconds since 1970.
+    pub taken_at: u64,
+}
+
+impl Saved {
+    /// How old it is, by the clocks of its owner and of this machine.
+    pub(super) fn age(&self) -> Duration {
+        now().saturating_sub(Duration::from_secs(self.taken_at))
+    }
+}
+
+/// Time since 1970.
+pub(super) fn now() -> Duration {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
 }
 
 /// Why an owner's change is refused.

@@ -2,12 +2,14 @@
 
 use super::bus::Bus;
 use super::config::FleetConfig;
+use super::copies::Copies;
 use super::follow::{Seen, Table};
 use super::leases::{self, Held, Lease, Renewed};
-use super::pump::{self, Progress, PumpError, Terms};
+use super::pump::{self, Progress, PumpError};
 use super::registry::MapEntry;
+use super::saver::Terms;
 use crate::check::Limits;
-use crate::maps::RecordedMaps;
+use crate::pipeline::engine::Engine;
 use crate::telemetry::{
     FLEET_CHECKPOINT_FAILURES, FLEET_LEASES_LOST, FLEET_MAPS_OWNED, FLEET_TAKEOVERS,
 };
@@ -31,9 +33,13 @@ const LEFT_ALONE: u32 = 12;
 
 /// What a worker tells of itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Announcement {
+pub(super) struct Announcement {
+    /// Where its gRPC is.
+    pub grpc: String,
+    /// Where its HTTP is.
+    pub http: String,
     /// Of what decides what a map becomes; checkpoints go from one worker to another if it is equal.
-    fingerprint: String,
+    pub fingerprint: String,
     /// Maps that it has.
     maps: usize,
     /// The most maps that it may have.
@@ -69,7 +75,7 @@ impl Worker {
     /// A worker that listens on these addresses, for gRPC and HTTP.
     pub(crate) async fn new(
         bus: Bus,
-        maps: &RecordedMaps,
+        engine: Arc<Engine>,
         config: &FleetConfig,
         limits: Limits,
         checkpoint_every: Duration,
@@ -79,19 +85,25 @@ impl Worker {
         let name = config.name.clone().unwrap_or_else(own_name);
         let [grpc, http] = reached_at(config, addresses);
         let following = stopping.clone();
-        let engine = maps.engine().clone();
+        let known = Table::follow(bus.maps.clone(), following.clone()).await;
+        let copies = Copies::new(bus.clone(), engine.clone(), known.clone());
         Self {
             lease: Lease::of(&name, &grpc, &http),
             lease_time: Duration::from_secs_f64(config.lease_seconds),
             leases: Table::follow(bus.leases.clone(), following.clone()).await,
-            maps: Table::follow(bus.maps.clone(), following.clone()).await,
+            maps: known,
             workers: Table::follow(bus.workers.clone(), following).await,
-            terms: Terms { bus, engine, limits, checkpoint_every, trim: config.trim },
+            terms: Terms { bus, engine, limits, checkpoint_every, trim: config.trim, copies },
             name,
             owned: BTreeMap::new(),
             free_since: BTreeMap::new(),
             left_alone: BTreeMap::new(),
         }
+    }
+
+    /// Maps of other workers that can be read here.
+    pub(crate) fn copies(&self) -> Copies {
+        self.terms.copies.clone()
     }
 
     /// Works until `stopping` is cancelled; then writes checkpoints and gives the maps to others.
@@ -109,6 +121,7 @@ impl Worker {
                 _ = tick.tick() => {
                     self.renew().await;
                     self.announce().await;
+                    self.terms.copies.tidy().await;
                 }
                 _ = leases.changed() => {}
                 _ = maps.changed() => {}
@@ -142,6 +155,8 @@ impl Worker {
     fn announcement(&self) -> Announcement {
         let statuses = self.terms.engine.maps().into_iter().map(|map| map.status());
         Announcement {
+            grpc: self.lease.grpc.clone(),
+            http: self.lease.http.clone(),
             fingerprint: self.terms.engine.fingerprint().to_owned(),
             maps: self.owned.len(),
             max_maps: self.terms.engine.max_maps(),
@@ -252,7 +267,8 @@ impl Worker {
 }
 
 impl Seen<Announcement> {
-    fn is_gone(&self, lease_time: Duration) -> bool {
+    /// Whether the worker was not heard of for long.
+    pub(super) fn is_gone(&self, lease_time: Duration) -> bool {
         self.since.elapsed() > lease_time * GONE_AFTER
     }
 }

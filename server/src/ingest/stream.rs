@@ -215,7 +215,11 @@ impl Acknowledger {
     /// Sends acknowledgements until the reader has ended.
     async fn run(self, mut waiting: mpsc::Receiver<Pending>, acks: Acks) -> Result<(), Status> {
         while let Some(pending) = waiting.recv().await {
-            let ack = self.ack(pending).await?;
+            // The frame may wait for long; a sender that is gone must not keep others from the map.
+            let ack = tokio::select! {
+                ack = self.ack(pending) => ack?,
+                () = acks.closed() => return Err(unread()),
+            };
             let sent = tokio::time::timeout(self.ack_timeout, acks.send(Ok(ack))).await;
             if !matches!(sent, Ok(Ok(()))) {
                 return Err(unread());

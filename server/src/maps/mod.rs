@@ -24,7 +24,7 @@ pub(crate) use feed::{Fed, Feed};
 pub(crate) use load::load_all;
 pub(crate) use load::{Unusable, keep_loading, read_checkpoint};
 pub(crate) use progress::LoadProgress;
-pub(crate) use recorded::{Listed, RecordedMaps};
+pub(crate) use recorded::{Elsewhere, Listed, RecordedMaps};
 pub(crate) use recording::Recording;
 pub(crate) use rename::{RenameError, rename};
 pub(crate) use room::watch_room;

@@ -7,6 +7,7 @@ use super::recording::Recording;
 use crate::pipeline::engine::Engine;
 use crate::pipeline::map::{Map, MapError, MapStatus};
 use crate::store::{Store, StoreError, Usage};
+use futures::future::BoxFuture;
 use lexsplat_proto::v1;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -34,8 +35,14 @@ pub(crate) struct RecordedMaps {
     backups: Arc<Semaphore>,
     /// Places for backups that are put in place.
     restores: Arc<Semaphore>,
-    /// Whether only the fleet makes, fills and deletes maps.
-    is_of_fleet: bool,
+    /// In a fleet, which alone makes, fills and deletes maps: where maps come from that are not here.
+    fleet: Option<Arc<dyn Elsewhere>>,
+}
+
+/// Where maps come from that a server does not have.
+pub(crate) trait Elsewhere: Send + Sync {
+    /// Makes sure that a map can be read here.
+    fn ensure<'a>(&'a self, map: &'a str) -> BoxFuture<'a, Result<(), MapsError>>;
 }
 
 /// Newest frame and revision of a map: it changes when the map does.
@@ -60,12 +67,12 @@ impl RecordedMaps {
         let [backups, restores] =
             [BACKUPS, RESTORES].map(|places| Arc::new(Semaphore::new(places)));
         let (places, saved) = (Arc::default(), Arc::default());
-        Self { engine, store, places, saved, patience, backups, restores, is_of_fleet: false }
+        Self { engine, store, places, saved, patience, backups, restores, fleet: None }
     }
 
     /// The same, where only the fleet makes, fills and deletes maps.
-    pub(crate) fn of_fleet(self) -> Self {
-        Self { is_of_fleet: true, ..self }
+    pub(crate) fn of_fleet(self, fleet: Arc<dyn Elsewhere>) -> Self {
+        Self { fleet: Some(fleet), ..self }
     }
 
     /// Checks that maps are this server's own.
@@ -73,7 +80,7 @@ impl RecordedMaps {
     /// # Errors
     /// [`MapsError::OfFleet`].
     pub(super) fn expect_own(&self) -> Result<(), MapsError> {
-        if self.is_of_fleet { Err(MapsError::OfFleet) } else { Ok(()) }
+        if self.fleet.is_some() { Err(MapsError::OfFleet) } else { Ok(()) }
     }
 
     /// The same, where callers wait so long for a map that is being loaded.
@@ -186,6 +193,9 @@ impl RecordedMaps {
     /// # Errors
     /// As [`Self::get`].
     pub(crate) async fn loaded(&self, name: &str) -> Result<Arc<Map>, MapsError> {
+        if let Some(fleet) = &self.fleet {
+            fleet.ensure(name).await?;
+        }
         self.expect_loaded(name).await?;
         Ok(self.engine.map(name)?)
     }

@@ -1,10 +1,12 @@
 //! Which worker to ask about a map.
 
 use super::super::bus::Bus;
-use super::super::follow::Table;
+use super::super::follow::{Seen, Table};
 use super::super::leases::Lease;
 use super::super::registry::MapEntry;
+use super::super::worker::Announcement;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
@@ -26,11 +28,25 @@ pub(super) enum NoWorker {
     Nobody { map: String },
 }
 
+/// A worker that is asked about a map.
+#[derive(Clone, Debug)]
+pub(super) struct Asked {
+    /// Where its gRPC is.
+    pub grpc: String,
+    /// Where its HTTP is.
+    pub http: String,
+    /// How old the checkpoint is that it answers from; `None` if it is the owner.
+    pub age: Option<Duration>,
+}
+
 /// The maps and the workers that have them. Cheap to clone.
 #[derive(Clone)]
 pub(super) struct Directory {
     maps: Table<MapEntry>,
     leases: Table<Lease>,
+    workers: Table<Announcement>,
+    /// Counts the questions that may be answered by several workers: they take turns.
+    turn: Arc<AtomicUsize>,
     lease_time: Duration,
     /// How long callers wait for a worker.
     wait: Duration,
@@ -47,6 +63,8 @@ impl Directory {
         Self {
             maps: Table::follow(bus.maps.clone(), stopping.clone()).await,
             leases: Table::follow(bus.leases.clone(), stopping.clone()).await,
+            workers: Table::follow(bus.workers.clone(), stopping.clone()).await,
+            turn: Arc::default(),
             lease_time,
             wait,
             channels: Arc::default(),
@@ -101,6 +119,52 @@ impl Directory {
                 found => return found,
             }
         }
+    }
+
+    /// The worker to ask about a map, whose answer may be this old. Without a limit it is the owner. Waits for one, but
+    /// not for long.
+    ///
+    /// # Errors
+    /// [`NoWorker`].
+    pub(super) async fn asked(
+        &self,
+        map: &str,
+        max_staleness: Option<Duration>,
+    ) -> Result<Asked, NoWorker> {
+        let readers = max_staleness.map(|most| self.readers(map, most)).unwrap_or_default();
+        let owner = match readers.is_empty() {
+            true => self.worker_soon(map).await,
+            false => self.worker(map),
+        };
+        let owner = owner.map(|Lease { grpc, http, .. }| Asked { grpc, http, age: None });
+        let mut all: Vec<Asked> = owner.as_ref().ok().into_iter().cloned().collect();
+        all.extend(readers.into_iter().filter(|reader| {
+            owner.as_ref().is_ok_and(|owner| owner.http != reader.http) || owner.is_err()
+        }));
+        if all.is_empty() {
+            return owner;
+        }
+        let turn = self.turn.fetch_add(1, Ordering::Relaxed) % all.len();
+        Ok(all.swap_remove(turn))
+    }
+
+    /// Workers that can load the newest checkpoint of a map, if it is at most so old.
+    fn readers(&self, map: &str, most: Duration) -> Vec<Asked> {
+        let saved = self.maps.get(map).and_then(|seen| seen.value.checkpoint);
+        let Some(saved) = saved.filter(|saved| saved.age() <= most) else { return Vec::new() };
+        let workers = self.workers.all().into_iter().filter(|(_, seen)| {
+            !seen.is_gone(self.lease_time) && seen.value.fingerprint == saved.fingerprint
+        });
+        let asked = |(_, seen): (String, Seen<Announcement>)| {
+            let Announcement { grpc, http, .. } = seen.value;
+            Asked { grpc, http, age: Some(saved.age()) }
+        };
+        workers.map(asked).collect()
+    }
+
+    /// Whether the worker with this HTTP address has a map itself.
+    pub(super) fn is_owner(&self, http: &str, map: &str) -> bool {
+        self.lease(map).is_some_and(|lease| lease.http == http)
     }
 
     /// Addresses of gRPC and HTTP of all workers that have maps.

@@ -2,7 +2,7 @@
 
 use super::super::registry;
 use super::directory::NoWorker;
-use super::state::{Gateway, unloaded};
+use super::state::{AGE, Gateway, MAX_STALENESS, max_staleness, unloaded};
 use crate::access::{Caller, rules};
 use crate::check::Page;
 use crate::http::{Body, BodyLimits, Options, PageOfMaps, Problem, Segments, Shell, document};
@@ -13,7 +13,7 @@ use crate::pipeline::map::MapError;
 use crate::telemetry;
 use axum::extract::{FromRef, Request, State};
 use axum::http::uri::{PathAndQuery, Uri};
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
 use axum::{Extension, Json, Router};
@@ -134,7 +134,10 @@ async fn statuses(shared: &Shared, headers: &HeaderMap) -> BTreeMap<String, Stat
     let asked = shared.gateway.directory.workers().into_iter().map(|(_, http)| async move {
         let answer = get_from(&shared.client, &http, "/v1/maps", headers);
         let body = tokio::time::timeout(LIST, answer).await.ok()?.ok()?;
-        serde_json::from_slice::<Maps>(&body).ok().map(|listed| listed.maps)
+        let mut listed = serde_json::from_slice::<Maps>(&body).ok()?.maps;
+        // It may have copies of others' maps.
+        listed.retain(|map| shared.gateway.directory.is_owner(&http, &map.name));
+        Some(listed)
     });
     let listed = futures::future::join_all(asked).await.into_iter().flatten().flatten();
     listed.map(|status| (status.name.clone(), status)).collect()
@@ -176,7 +179,11 @@ async fn onward(
     segments: Segments,
     mut request: Request,
 ) -> Result<Response, Problem> {
-    let worker = shared.gateway.directory.worker_soon(segments.get("name")).await?;
+    let staleness = request.headers().get(MAX_STALENESS).map(|v| v.to_str().unwrap_or_default());
+    let staleness = max_staleness(staleness).map_err(Problem::bad_request)?;
+    // What changes a map is for its owner.
+    let staleness = staleness.filter(|_| is_question(&request));
+    let worker = shared.gateway.directory.asked(segments.get("name"), staleness).await?;
     let path = request.uri().path_and_query().cloned();
     *request.uri_mut() = uri(&worker.http, path)?;
     *request.version_mut() = axum::http::Version::HTTP_11;
@@ -185,14 +192,27 @@ async fn onward(
     });
     request.extensions_mut().clear();
     let answer = shared.client.request(request).await.map_err(|error| {
-        tracing::warn!(%error, worker = worker.worker, "a worker does not answer");
+        tracing::warn!(%error, worker = worker.http, "a worker does not answer");
         Problem::unavailable("the map's worker does not answer: try again")
     })?;
     let mut answer = answer.map(axum::body::Body::new);
     NOT_ONWARD.iter().for_each(|name| {
         answer.headers_mut().remove(name);
     });
+    if let Some(age) = worker.age {
+        answer.headers_mut().insert(AGE, HeaderValue::from(age.as_secs()));
+    }
     Ok(answer)
+}
+
+/// Whether a request only reads.
+fn is_question(request: &Request) -> bool {
+    let path = request.uri().path();
+    match *request.method() {
+        Method::GET | Method::HEAD => !path.ends_with("/events"),
+        Method::POST => path.ends_with("/query") || path.ends_with("/render"),
+        _ => false,
+    }
 }
 
 /// The answer of a worker to a `GET` in the name of the caller whose headers these are.

@@ -2,7 +2,7 @@
 
 use super::super::registry;
 use super::directory::NoWorker;
-use super::state::{Gateway, unloaded};
+use super::state::{AGE, Gateway, MAX_STALENESS, max_staleness, unloaded};
 use crate::check::Page;
 use crate::ingest::{self, Terms, caller, of_map, permit, refused, wire_listed};
 use crate::pipeline::engine::check_name;
@@ -32,15 +32,24 @@ impl GatewayService {
         Self { gateway, terms }
     }
 
-    /// A client of the worker that has a map.
-    async fn client(&self, map: &str, field: &str) -> Result<MappingClient<Channel>, Status> {
-        let worker = self.gateway.directory.worker_soon(map).await;
+    /// A client of the worker to ask about a map, and how old is what it answers from.
+    async fn client<T>(
+        &self,
+        map: &str,
+        field: &str,
+        request: &Request<T>,
+    ) -> Result<(MappingClient<Channel>, Option<Duration>), Status> {
+        let staleness = request.metadata().get(MAX_STALENESS);
+        let staleness = staleness.map(|value| value.to_str().unwrap_or_default());
+        let staleness = max_staleness(staleness).map_err(Status::invalid_argument)?;
+        let worker = self.gateway.directory.asked(map, staleness).await;
         let worker = worker.map_err(|error| no_worker(&error, field))?;
         let channel = self.gateway.directory.channel(&worker.grpc);
         let channel = channel.map_err(|error| Status::internal(error.to_string()))?;
-        Ok(MappingClient::new(channel)
+        let client = MappingClient::new(channel)
             .max_decoding_message_size(usize::MAX)
-            .max_encoding_message_size(usize::MAX))
+            .max_encoding_message_size(usize::MAX);
+        Ok((client, worker.age))
     }
 
     /// Statuses of the maps of all workers, by name, as the caller with this token may see them.
@@ -49,14 +58,17 @@ impl GatewayService {
         token: Option<&MetadataValue<Ascii>>,
     ) -> BTreeMap<String, v1::MapStatus> {
         let directory = &self.gateway.directory;
-        let asked = directory.workers().into_iter().map(|(grpc, _)| async move {
+        let asked = directory.workers().into_iter().map(|(grpc, http)| async move {
             let mut client = MappingClient::new(directory.channel(&grpc).ok()?);
             let mut request = Request::new(v1::ListMapsRequest::default());
             if let Some(token) = token {
                 request.metadata_mut().insert("authorization", token.clone());
             }
             let listed = tokio::time::timeout(LIST, client.list_maps(request)).await.ok()?;
-            listed.ok().map(|listed| listed.into_inner().maps)
+            let mut listed = listed.ok()?.into_inner().maps;
+            // It may have copies of others' maps.
+            listed.retain(|map| directory.is_owner(&http, &map.name));
+            Some(listed)
         });
         let listed = futures::future::join_all(asked).await.into_iter().flatten().flatten();
         listed.map(|status| (status.name.clone(), status)).collect()
@@ -84,6 +96,14 @@ fn onward<T>(request: Request<T>) -> Request<T> {
     onward
 }
 
+/// The answer with the age of the checkpoint that it is from.
+fn aged<T>(mut answer: Response<T>, age: Option<Duration>) -> Response<T> {
+    if let Some(age) = age {
+        answer.metadata_mut().insert(AGE, age.as_secs().into());
+    }
+    answer
+}
+
 #[tonic::async_trait]
 impl Mapping for GatewayService {
     type StreamFramesStream = ReceiverStream<Result<v1::FrameAck, Status>>;
@@ -104,8 +124,8 @@ impl Mapping for GatewayService {
         request: Request<v1::QueryRequest>,
     ) -> Result<Response<v1::QueryResponse>, Status> {
         permit(&caller(&request)?, &request.get_ref().map, "map")?;
-        let mut client = self.client(&request.get_ref().map, "map").await?;
-        client.query(onward(request)).await
+        let (mut client, age) = self.client(&request.get_ref().map, "map", &request).await?;
+        client.query(onward(request)).await.map(|answer| aged(answer, age))
     }
 
     async fn query_chunks(
@@ -113,8 +133,8 @@ impl Mapping for GatewayService {
         request: Request<v1::QueryRequest>,
     ) -> Result<Response<Self::QueryChunksStream>, Status> {
         permit(&caller(&request)?, &request.get_ref().map, "map")?;
-        let mut client = self.client(&request.get_ref().map, "map").await?;
-        client.query_chunks(onward(request)).await
+        let (mut client, age) = self.client(&request.get_ref().map, "map", &request).await?;
+        client.query_chunks(onward(request)).await.map(|answer| aged(answer, age))
     }
 
     async fn create_map(
@@ -137,8 +157,8 @@ impl Mapping for GatewayService {
         request: Request<v1::GetMapRequest>,
     ) -> Result<Response<v1::MapStatus>, Status> {
         permit(&caller(&request)?, &request.get_ref().name, "name")?;
-        let mut client = self.client(&request.get_ref().name, "name").await?;
-        client.get_map(onward(request)).await
+        let (mut client, age) = self.client(&request.get_ref().name, "name", &request).await?;
+        client.get_map(onward(request)).await.map(|answer| aged(answer, age))
     }
 
     async fn list_maps(
@@ -186,7 +206,7 @@ impl Mapping for GatewayService {
         request: Request<v1::ExportRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
         permit(&caller(&request)?, &request.get_ref().map, "map")?;
-        let mut client = self.client(&request.get_ref().map, "map").await?;
-        client.export_map(onward(request)).await
+        let (mut client, age) = self.client(&request.get_ref().map, "map", &request).await?;
+        client.export_map(onward(request)).await.map(|answer| aged(answer, age))
     }
 }

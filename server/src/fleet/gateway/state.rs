@@ -62,3 +62,35 @@ pub(super) fn unloaded(map: &str) -> Listed {
     let loading = Some(LoadProgress { frames_done: 0, frames_total: 0 });
     Listed { status: MapStatus::absent(map), loading }
 }
+
+/// Header of a request: seconds that the map may be old which it is answered from.
+pub(super) const MAX_STALENESS: &str = "lexsplat-max-staleness";
+/// Header of an answer from a checkpoint: its age, seconds.
+pub(super) const AGE: &str = "lexsplat-age";
+
+/// The value of [`MAX_STALENESS`].
+///
+/// # Errors
+/// What was expected.
+pub(super) fn max_staleness(text: Option<&str>) -> Result<Option<Duration>, String> {
+    let Some(text) = text else { return Ok(None) };
+    let seconds = text.trim().parse::<f64>().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    seconds.map(Some).ok_or_else(|| format!("{MAX_STALENESS}: expected seconds, found {text:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn staleness_is_in_seconds() {
+        assert_eq!(max_staleness(None), Ok(None));
+        assert_eq!(max_staleness(Some(" 1.5 ")), Ok(Some(Duration::from_millis(1500))));
+        for wrong in ["", "-1", "nan", "1 min", "1e300"] {
+            assert!(
+                max_staleness(Some(wrong)).unwrap_err().contains("expected seconds"),
+                "{wrong}"
+            );
+        }
+    }
+}

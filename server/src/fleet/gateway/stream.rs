@@ -69,6 +69,8 @@ impl Destinations for Gateway {
         let (bus, map) = (&self.bus, &open.map);
         check_name(map).map_err(|error| of_map(&error, "map"))?;
         registry::ensure(bus, map).await.map_err(|error| unavailable(&error))?;
+        let known = registry::find(bus, map).await.map_err(|error| unavailable(&error))?;
+        let newest = known.map_or(0, |(entry, _)| entry.token);
         if has_sender(bus, map).await {
             return Err(of_map(&MapError::Busy { name: map.clone() }, "map"));
         }
@@ -94,7 +96,7 @@ impl Destinations for Gateway {
             move || waiting.forget(&stream)
         };
         let (bus, told, patience) = (bus.clone(), waiting.clone(), self.patience);
-        let receive = acks::receive(bus, map.clone(), stream, told, acks, patience);
+        let receive = acks::receive(bus, map.clone(), stream, told, acks, newest, patience);
         Ok(LogStream {
             map: map.clone(),
             durable: Arc::new(AtomicU64::new(writer.through().unwrap_or(NONE))),
