@@ -135,6 +135,8 @@ pub async fn serve(
     };
     maps.find_recordings()?;
     let gate = edge.gate.clone();
+    let mut of_http = config.http.clone();
+    of_http.hosts.extend(worker.as_ref().map(Worker::host));
     let service = MappingService::new(maps.clone(), gate.clone(), &config.ingest, stopping.clone());
     let kept_free = config.recording.low_bytes;
     let imports = Imports::new(maps.clone(), service.clone(), &config.imports, kept_free);
@@ -142,7 +144,7 @@ pub async fn serve(
         maps: maps.clone(),
         imports,
         gate,
-        config: config.http.clone(),
+        config: of_http,
         body_limit: Duration::from_secs(config.connections.body_seconds),
         stopping: stopping.clone(),
     });

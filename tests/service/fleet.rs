@@ -239,13 +239,25 @@ async fn a_worker_that_stops_hands_its_map_over_in_a_checkpoint() {
     assert!(loaded.is_some_and(|line| line.contains("through=11")), "{log}");
     let made = splats(&fleet.gateway.http, FRAMES).await;
     assert!(made == of_one_machine(&robot, FRAMES).await, "the maps differ");
-    let (_, opened) = Sender::open(&fleet.gateway.grpc, &robot).await.expect("it opens again");
+    let (mut again, opened) =
+        Sender::open(&fleet.gateway.grpc, &robot).await.expect("it opens again");
     assert_eq!(opened.received_through, Some(FRAMES as u64 - 1));
     let http = format!("http://{}/v1/maps/{MAP}", fleet.gateway.http);
     let client = reqwest::Client::new();
     let deleted = client.delete(&http).send().await.expect("it answers");
     assert_eq!(deleted.status(), 204);
     assert_eq!(reqwest::get(&http).await.expect("it answers").status(), 404);
+    let next = v1::Frame { sequence: FRAMES as u64, ..robot.frame(0) };
+    let next = v1::FrameMessage { message: Some(Message::Frame(next)) };
+    again.frames.send(next).await.expect("the stream is open");
+    let gone = again.ack().await.expect_err("the map is gone");
+    assert_eq!(gone.code(), Code::Aborted, "{gone}");
+    // A new map of the same name has nothing of the old one.
+    let (mut new, opened) = Sender::open(&fleet.gateway.grpc, &robot).await.expect("it opens");
+    assert_eq!(opened.received_through, None);
+    new.send(&robot, 0..3).await;
+    new.durable(0..3).await;
+    new.end().await;
 }
 
 /// Status and age of an answer of the gateway that may be so old.

@@ -4,7 +4,7 @@
 //! has seen a greater one drops it.
 
 use super::bus::{Bus, Failed};
-use super::registry::is_fenced;
+use super::registry::{self, MapEntry, is_fenced};
 use async_nats::{HeaderMap, Subscriber};
 use futures::StreamExt as _;
 use lexsplat_proto::v1::FrameAck;
@@ -141,27 +141,41 @@ impl Waiting {
     }
 }
 
-/// Hands the acknowledgements of a map to a stream that waits, and asks for those that do not come. `newest`: the
-/// greatest fencing token of an owner that is known.
+/// Asks the worker of a map for the acknowledgements from a frame on. Returns false if the map was deleted.
+async fn ask_again(bus: &Bus, map: &str, id: &str, from: u64) -> bool {
+    match registry::find(bus, map).await {
+        Ok(found) if found.as_ref().is_none_or(|(entry, _)| entry.id != id) => return false,
+        Ok(_) => {}
+        Err(error) => tracing::warn!(%error, map, "nobody knows whether the map is there"),
+    }
+    let asked = bus.client.publish(bus.again_of(map), from.to_string().into());
+    if let Err(error) = asked.await {
+        tracing::warn!(%error, map, "cannot ask for acknowledgements");
+    }
+    true
+}
+
+/// Hands the acknowledgements of a map to a stream that waits, and asks for those that do not come. `entry`:
+/// the map as it was when the stream was opened.
 pub(super) async fn receive(
     bus: Bus,
-    map: String,
+    (map, entry): (String, MapEntry),
     stream: String,
     waiting: Waiting,
     mut acks: Subscriber,
-    mut newest: u64,
     patience: Duration,
 ) {
+    let MapEntry { id, token: mut newest, .. } = entry;
     let mut look = tokio::time::interval(patience);
     loop {
         let message = tokio::select! {
             message = acks.next() => message,
             _ = look.tick() => {
-                if let Some(from) = waiting.overdue(&stream, patience) {
-                    let again = bus.client.publish(bus.again_of(&map), from.to_string().into());
-                    if let Err(error) = again.await {
-                        tracing::warn!(%error, map, "cannot ask for acknowledgements");
-                    }
+                if let Some(from) = waiting.overdue(&stream, patience)
+                    && !ask_again(&bus, &map, &id, from).await
+                {
+                    // Nobody will acknowledge its frames.
+                    waiting.forget(&stream);
                 }
                 continue;
             }

@@ -14,6 +14,8 @@ use std::time::{Duration, Instant};
 const START: Duration = Duration::from_secs(30);
 /// How long a request to JetStream may take.
 const REQUEST: Duration = Duration::from_secs(5);
+/// How often the log of a map is cleared while a gateway does not know yet that the map is deleted.
+const CLEARINGS: usize = 20;
 /// Between two tries.
 const AGAIN: Duration = Duration::from_millis(300);
 
@@ -193,13 +195,23 @@ impl Bus {
         purged.map(drop).map_err(|error| Failed::new("trimming the log", error))
     }
 
-    /// Removes all that the log has of a map.
+    /// Removes all that the log has of a map now. What comes later stays, also if this is carried out late.
     ///
     /// # Errors
     /// [`Failed`].
     pub(super) async fn clear(&self, map: &str) -> Result<(), Failed> {
-        let purged = self.frames.purge().filter(self.frames_of(map)).await;
-        purged.map(drop).map_err(|error| Failed::new("clearing the log", error))
+        for _ in 0..CLEARINGS {
+            match self.newest_position(map).await? {
+                0 => return Ok(()),
+                newest => self.trim(map, newest + 1).await?,
+            }
+        }
+        Err(Failed::new("clearing the log", "somebody still sends frames"))
+    }
+
+    /// A name that nothing else has.
+    pub(super) fn unique(&self) -> String {
+        self.client.new_inbox().replace("_INBOX.", "")
     }
 
     /// Whether the log can be written to: its leader answers.

@@ -11,16 +11,20 @@ use super::registry::Saved;
 use crate::maps::{Unusable, read_checkpoint};
 use crate::pipeline::checkpoint::Checkpoint;
 use crate::store::{Label, encode_checkpoint};
-use async_nats::jetstream::object_store::ObjectMetadata;
+use async_nats::jetstream::object_store::{GetErrorKind, ObjectMetadata};
 use lexsplat_proto::v1;
 use prost::Message as _;
 use std::io::{Cursor, Seek as _, Write as _};
+use std::time::Duration;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 
 /// Size of a part of an object, bytes: less than the longest message that NATS takes by default.
 const PART: usize = 512 << 10;
 /// The longest beginning, bytes.
 const LONGEST_BEGINNING: u32 = 16 << 20;
+
+/// How long reading one may take.
+const READ_WITHIN: Duration = Duration::from_secs(120);
 
 /// What is needed beside the state.
 #[derive(Clone, PartialEq, prost::Message)]
@@ -74,15 +78,15 @@ pub(super) async fn write(
     Ok(whole)
 }
 
-/// Name of the object of a checkpoint.
-pub(super) fn object_of(map: &str, token: u64, through: u64) -> String {
-    format!("{}/{token}/{through}", key(map))
+/// A name for the object of a checkpoint that no other one has.
+pub(super) fn object_of(bus: &Bus, map: &str, token: u64, through: u64) -> String {
+    format!("{}/{token}/{through}/{}", key(map), bus.unique())
 }
 
-/// Reads a checkpoint; `None` if a server with other settings or networks made it.
+/// Reads a checkpoint; `None` if a server with other settings or networks made it, or if it is gone.
 ///
 /// # Errors
-/// [`Failed`].
+/// [`Failed`], also if it takes too long: an object whose parts are gone is never read to its end.
 pub(super) async fn read(
     bus: &Bus,
     saved: &Saved,
@@ -91,9 +95,24 @@ pub(super) async fn read(
     if saved.fingerprint != fingerprint {
         return Ok(None);
     }
+    let late = |_| Failed::new("reading a checkpoint", format!("not within {READ_WITHIN:?}"));
+    tokio::time::timeout(READ_WITHIN, read_in_time(bus, saved, fingerprint)).await.map_err(late)?
+}
+
+async fn read_in_time(
+    bus: &Bus,
+    saved: &Saved,
+    fingerprint: &str,
+) -> Result<Option<(Beginning, Checkpoint)>, Failed> {
     let failed = |error: &dyn std::fmt::Display| Failed::new("reading a checkpoint", error);
-    let object = bus.checkpoints.get(&saved.object).await;
-    let mut object = object.map_err(|error| failed(&error))?;
+    let mut object = match bus.checkpoints.get(&saved.object).await {
+        Ok(object) => object,
+        Err(error) if error.kind() == GetErrorKind::NotFound => {
+            tracing::error!(object = saved.object, "a checkpoint is gone: the log has to do");
+            return Ok(None);
+        }
+        Err(error) => return Err(failed(&error)),
+    };
     let length = object.read_u32_le().await.map_err(|error| failed(&error))?;
     if length > LONGEST_BEGINNING {
         return Err(failed(&"it does not begin like a checkpoint"));

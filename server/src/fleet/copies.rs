@@ -11,7 +11,7 @@ use crate::pipeline::engine::Engine;
 use crate::pipeline::map::MapError;
 use futures::future::BoxFuture;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
 
@@ -27,8 +27,6 @@ struct Copy {
 #[derive(Default)]
 struct Inner {
     copies: BTreeMap<String, Copy>,
-    /// Maps that this worker has itself.
-    owned: BTreeSet<String>,
 }
 
 /// The copies of a worker. Cheap to clone.
@@ -38,17 +36,19 @@ pub(crate) struct Copies {
     engine: Arc<Engine>,
     maps: Table<MapEntry>,
     inner: Arc<Mutex<Inner>>,
+    /// Maps that this worker has itself.
+    owned: Arc<std::sync::Mutex<BTreeSet<String>>>,
 }
 
 impl Copies {
     pub(super) fn new(bus: Bus, engine: Arc<Engine>, maps: Table<MapEntry>) -> Self {
-        Self { bus, engine, maps, inner: Arc::default() }
+        Self { bus, engine, maps, inner: Arc::default(), owned: Arc::default() }
     }
 
     /// This worker takes a map: its copy makes room, and others do if there are as many maps as there may be.
     pub(super) async fn make_room(&self, map: &str) {
+        self.owned().insert(map.to_owned());
         let mut inner = self.inner.lock().await;
-        inner.owned.insert(map.to_owned());
         self.remove(&mut inner, map).await;
         if self.engine.maps().len() >= self.engine.max_maps() {
             self.remove_oldest(&mut inner).await;
@@ -56,8 +56,12 @@ impl Copies {
     }
 
     /// This worker has given a map up.
-    pub(super) async fn release(&self, map: &str) {
-        self.inner.lock().await.owned.remove(map);
+    pub(super) fn release(&self, map: &str) {
+        self.owned().remove(map);
+    }
+
+    fn owned(&self) -> MutexGuard<'_, BTreeSet<String>> {
+        self.owned.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Removes copies that nobody asks for, and those of maps that were deleted.
@@ -91,7 +95,7 @@ impl Copies {
     /// Loads the newest checkpoint of a map that another worker has, unless it is here.
     async fn ensure(&self, map: &str) -> Result<(), MapsError> {
         let mut inner = self.inner.lock().await;
-        if inner.owned.contains(map) {
+        if self.owned().contains(map) {
             return Ok(());
         }
         let not_found = || MapError::NotFound { name: map.to_owned() };
@@ -132,6 +136,14 @@ impl Copies {
 
 impl Elsewhere for Copies {
     fn ensure<'a>(&'a self, map: &'a str) -> BoxFuture<'a, Result<(), MapsError>> {
-        Box::pin(self.ensure(map))
+        let (this, name) = (self.clone(), map.to_owned());
+        Box::pin(async move {
+            if this.owned().contains(&name) {
+                return Ok(());
+            }
+            // To its end even if the caller is gone.
+            let ensured = tokio::spawn(async move { this.ensure(&name).await }).await;
+            ensured.map_err(|_| MapsError::Panicked)?
+        })
     }
 }

@@ -29,12 +29,22 @@ pub(super) struct Seen<T> {
 pub(super) struct Table<T> {
     entries: Arc<Mutex<BTreeMap<String, Seen<T>>>>,
     changes: watch::Sender<u64>,
+    counts: fn(&T) -> bool,
 }
 
 impl<T: DeserializeOwned + Clone + Send + 'static> Table<T> {
     /// Follows a bucket until `stopping` is cancelled. Returns when the table has all that is there now.
     pub(super) async fn follow(store: Store, stopping: CancellationToken) -> Self {
-        let table = Self { entries: Arc::default(), changes: watch::Sender::new(0) };
+        Self::follow_those(store, |_| true, stopping).await
+    }
+
+    /// The same with those entries only that `counts` accepts.
+    pub(super) async fn follow_those(
+        store: Store,
+        counts: fn(&T) -> bool,
+        stopping: CancellationToken,
+    ) -> Self {
+        let table = Self { entries: Arc::default(), changes: watch::Sender::new(0), counts };
         let (following, ready) = (table.clone(), Arc::new(tokio::sync::Notify::new()));
         let told = ready.clone();
         tokio::spawn(async move {
@@ -83,10 +93,11 @@ impl<T: DeserializeOwned + Clone + Send + 'static> Table<T> {
             // Told again.
             (_, Some(known)) if known.revision >= revision => return,
             (Operation::Put, _) => match serde_json::from_slice(&entry.value) {
-                Ok(value) => {
+                Ok(value) if (self.counts)(&value) => {
                     let since = Instant::now();
                     entries.insert(key, Seen { value, revision, since });
                 }
+                Ok(_) => drop(entries.remove(&key)),
                 Err(error) => tracing::error!(%error, key, "an entry cannot be read"),
             },
             (Operation::Delete | Operation::Purge, _) => {

@@ -13,11 +13,12 @@ use crate::pipeline::map::Map;
 use crate::telemetry::FLEET_LOG_LAG;
 use lexsplat_proto::v1::{self, FrameAck};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 
 /// Between two looks whether a checkpoint is due.
 const LOOK: Duration = Duration::from_millis(500);
@@ -28,6 +29,8 @@ const BACKLOG: usize = 64;
 pub(super) struct Progress {
     /// Whether the map has all that the log had when it was taken.
     pub is_ready: AtomicBool,
+    /// Unique name of the map, once it is known.
+    pub id: OnceLock<String>,
     /// Ends the pump after a last checkpoint.
     pub stop: CancellationToken,
     /// Ends the pump at once: another worker has the map.
@@ -85,30 +88,32 @@ pub(super) async fn run(
 ) -> Result<(), PumpError> {
     // Loading a copy takes time, which the worker's other maps have to be spared.
     terms.copies.make_room(&map).await;
-    let ended = tokio::select! {
-        ended = serve(&terms, &map, token, &progress) => ended,
-        () = progress.lost.cancelled() => Ok(()),
-    };
-    metrics::gauge!(FLEET_LOG_LAG, "map" => map.clone()).set(0.0);
-    // An error means that there is none.
+    // A part of it may be there from before. An error means that there is none.
     let _ = terms.engine.delete(&map).await;
-    terms.copies.release(&map).await;
+    let ended = serve(&terms, &map, token, &progress).await;
+    metrics::gauge!(FLEET_LOG_LAG, "map" => map.clone()).set(0.0);
+    let _ = terms.engine.delete(&map).await;
+    terms.copies.release(&map);
     ended
 }
 
 async fn serve(terms: &Terms, map: &str, token: u64, progress: &Progress) -> Result<(), PumpError> {
     let (entry, revision) = registry::claim(&terms.bus, map, token).await?;
     tracing::info!(map, token, revision, "took a map");
+    // Nobody else sets it.
+    let _ = progress.id.set(entry.id.clone());
     let (due, waiting) = mpsc::channel(BACKLOG);
+    // To its end: what is made on a blocking thread must be known to be there.
     let mut pump = Pump::load(terms, map, token, entry, due).await?;
     let of_engine = terms.engine.map(map).map_err(|error| PumpError::Map(error.to_string()))?;
-    let tasks = [
-        tokio::spawn(acknowledge(waiting, pump.acks.clone(), of_engine.clone())),
-        tokio::spawn(answer(pump.acks.clone())),
-    ];
-    let ended = pump.follow(&of_engine, progress).await;
-    tasks.iter().for_each(JoinHandle::abort);
-    ended
+    let acks = pump.acks.clone();
+    let acknowledging = acknowledge(waiting, acks.clone(), of_engine.clone());
+    let _tasks =
+        [tokio::spawn(acknowledging), tokio::spawn(answer(acks))].map(AbortOnDropHandle::new);
+    tokio::select! {
+        ended = pump.follow(&of_engine, progress) => ended,
+        () = progress.lost.cancelled() => Ok(()),
+    }
 }
 
 impl Pump {
@@ -165,15 +170,17 @@ impl Pump {
         loop {
             tokio::select! {
                 () = progress.stop.cancelled() => break,
-                _ = look.tick() => self.look_after(map).await?,
-                entry = self.reader.next() => {
-                    let entry = entry?;
-                    let position = entry.last;
-                    // To its end: the acknowledgement of a frame that the map has must not be lost.
-                    self.take(entry).await?;
-                    if position >= goal {
+                _ = look.tick() => {
+                    self.look_after(map).await?;
+                    // The last message may be a part without the rest.
+                    if self.reader.position() >= goal {
                         progress.is_ready.store(true, Ordering::Relaxed);
                     }
+                }
+                entry = self.reader.next() => {
+                    let entry = entry?;
+                    // To its end: the acknowledgement of a frame that the map has must not be lost.
+                    self.take(entry).await?;
                 }
             }
         }

@@ -1,9 +1,13 @@
 //! The maps of the fleet, each with its newest checkpoint.
 
 use super::bus::{Bus, Failed, key};
-use async_nats::jetstream::kv::{CreateErrorKind, Operation, UpdateErrorKind};
+use super::follow::Table;
+use crate::pipeline::engine::check_name;
+use async_nats::jetstream::kv::{CreateErrorKind, UpdateErrorKind};
+use async_nats::jetstream::stream::LastRawMessageErrorKind;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use tokio_util::sync::CancellationToken;
 
 /// A map.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,6 +17,9 @@ pub(super) struct MapEntry {
     /// The greatest fencing token of an owner. What comes with a smaller one is refused.
     pub token: u64,
     pub checkpoint: Option<Saved>,
+    /// Whether it is being deleted: then it is not there any more for anybody.
+    #[serde(default)]
+    pub is_deleted: bool,
 }
 
 /// A checkpoint in the object store.
@@ -55,20 +62,31 @@ pub(super) enum ChangeError {
     Failed(#[from] Failed),
 }
 
+/// Follows the maps that there are.
+pub(super) async fn follow(bus: &Bus, stopping: CancellationToken) -> Table<MapEntry> {
+    Table::follow_those(bus.maps.clone(), |entry: &MapEntry| !entry.is_deleted, stopping).await
+}
+
 /// Makes a map if there is none of this name. Returns whether it was made.
 ///
 /// # Errors
 /// [`Failed`].
 pub(super) async fn ensure(bus: &Bus, map: &str) -> Result<bool, Failed> {
-    let id = bus.client.new_inbox().replace("_INBOX.", "");
-    let entry = MapEntry { id, token: 0, checkpoint: None };
-    match bus.maps.create(key(map), json(&entry)).await {
-        Ok(_) => {
-            // A deletion may have been cut off before its end.
-            bus.clear(map).await.map(|()| true)
+    let entry = MapEntry { id: bus.unique(), token: 0, checkpoint: None, is_deleted: false };
+    loop {
+        match bus.maps.create(key(map), json(&entry)).await {
+            Ok(_) => return Ok(true),
+            Err(error) if error.kind() == CreateErrorKind::AlreadyExists => {}
+            Err(error) => return Err(Failed::new("making a map", error)),
         }
-        Err(error) if error.kind() == CreateErrorKind::AlreadyExists => Ok(false),
-        Err(error) => Err(Failed::new("making a map", error)),
+        match find_any(bus, map).await? {
+            Some((entry, revision)) if entry.is_deleted => {
+                finish_deletion(bus, map, &entry, revision).await?;
+            }
+            Some(_) => return Ok(false),
+            // It was deleted just now.
+            None => {}
+        }
     }
 }
 
@@ -77,13 +95,24 @@ pub(super) async fn ensure(bus: &Bus, map: &str) -> Result<bool, Failed> {
 /// # Errors
 /// [`Failed`].
 pub(super) async fn find(bus: &Bus, map: &str) -> Result<Option<(MapEntry, u64)>, Failed> {
+    Ok(find_any(bus, map).await?.filter(|(entry, _)| !entry.is_deleted))
+}
+
+/// The same, also for one that is being deleted. Asks the bucket's leader: others may not know the newest entry.
+async fn find_any(bus: &Bus, map: &str) -> Result<Option<(MapEntry, u64)>, Failed> {
     let failed = |error: &dyn std::fmt::Display| Failed::new("looking for a map", error);
-    let entry = bus.maps.entry(key(map)).await.map_err(|error| failed(&error))?;
-    let Some(entry) = entry.filter(|entry| entry.operation == Operation::Put) else {
-        return Ok(None);
+    let subject = format!("{}{}", bus.maps.prefix, key(map));
+    let message = match bus.maps.stream.get_last_raw_message_by_subject(&subject).await {
+        Ok(message) => message,
+        Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => return Ok(None),
+        Err(error) => return Err(failed(&error)),
     };
-    let map = serde_json::from_slice(&entry.value).map_err(|error| failed(&error))?;
-    Ok(Some((map, entry.revision)))
+    // A marker of a deletion has no value.
+    if message.payload.is_empty() {
+        return Ok(None);
+    }
+    let entry = serde_json::from_slice(&message.payload).map_err(|error| failed(&error))?;
+    Ok(Some((entry, message.sequence)))
 }
 
 /// Makes the owner with this token the newest one. Returns the map, and the revision of its entry.
@@ -152,17 +181,45 @@ pub(super) fn is_fenced(newest: u64, mine: u64) -> bool {
 /// Deletes a map with its checkpoints and frames. Returns whether there was one.
 ///
 /// # Errors
-/// [`Failed`].
+/// [`Failed`]. Then the map is not there any more, or as it was; the next deletion or creation of the name finishes it.
 pub(super) async fn delete(bus: &Bus, map: &str) -> Result<bool, Failed> {
-    let Some((entry, revision)) = find(bus, map).await? else { return Ok(false) };
-    let failed = |error: &dyn std::fmt::Display| Failed::new("deleting a map", error);
-    let deleted = bus.maps.delete_expect_revision(key(map), Some(revision)).await;
-    deleted.map_err(|error| failed(&error))?;
+    if check_name(map).is_err() {
+        return Ok(false);
+    }
+    let Some((mut entry, mut revision)) = find_any(bus, map).await? else { return Ok(false) };
+    let was_there = !entry.is_deleted;
+    while !entry.is_deleted {
+        entry.is_deleted = true;
+        match bus.maps.update(key(map), json(&entry), revision).await {
+            Ok(marked) => revision = marked,
+            Err(error) if error.kind() == UpdateErrorKind::WrongLastRevision => {
+                let Some(newer) = find_any(bus, map).await? else { return Ok(true) };
+                (entry, revision) = newer;
+            }
+            Err(error) => return Err(Failed::new("deleting a map", error)),
+        }
+    }
+    finish_deletion(bus, map, &entry, revision).await?;
+    Ok(was_there)
+}
+
+/// Removes what is left of a map that is marked as deleted, and then its entry.
+async fn finish_deletion(
+    bus: &Bus,
+    map: &str,
+    entry: &MapEntry,
+    revision: u64,
+) -> Result<(), Failed> {
     bus.clear(map).await?;
-    if let Some(saved) = entry.checkpoint {
+    if let Some(saved) = &entry.checkpoint {
         forget(bus, &saved.object).await;
     }
-    Ok(true)
+    match bus.maps.delete_expect_revision(key(map), Some(revision)).await {
+        Ok(()) => Ok(()),
+        // Somebody else finished it.
+        Err(_) if find_any(bus, map).await?.is_none_or(|(_, now)| now != revision) => Ok(()),
+        Err(error) => Err(Failed::new("deleting a map", error)),
+    }
 }
 
 /// Removes a checkpoint that nobody needs. If this fails, it takes room and does no harm.

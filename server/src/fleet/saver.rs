@@ -81,7 +81,7 @@ impl Saver {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
         let saved = Saved {
-            object: checkpoints::object_of(&self.map, self.token, through),
+            object: checkpoints::object_of(&self.terms.bus, &self.map, self.token, through),
             fingerprint: self.terms.engine.fingerprint().to_owned(),
             through,
             position,
@@ -96,7 +96,10 @@ impl Saver {
         let (before, revision) = match changed {
             Ok(changed) => changed,
             Err(error) => {
-                registry::forget(bus, &object).await;
+                // One whose answer was lost may be the newest now.
+                if matches!(error, ChangeError::Fenced | ChangeError::Deleted) {
+                    registry::forget(bus, &object).await;
+                }
                 return Err(error);
             }
         };

@@ -6,7 +6,7 @@ use super::copies::Copies;
 use super::follow::{Seen, Table};
 use super::leases::{self, Held, Lease, Renewed};
 use super::pump::{self, Progress, PumpError};
-use super::registry::MapEntry;
+use super::registry::{self, MapEntry};
 use super::saver::Terms;
 use crate::check::Limits;
 use crate::pipeline::engine::Engine;
@@ -85,7 +85,7 @@ impl Worker {
         let name = config.name.clone().unwrap_or_else(own_name);
         let [grpc, http] = reached_at(config, addresses);
         let following = stopping.clone();
-        let known = Table::follow(bus.maps.clone(), following.clone()).await;
+        let known = registry::follow(&bus, following.clone()).await;
         let copies = Copies::new(bus.clone(), engine.clone(), known.clone());
         Self {
             lease: Lease::of(&name, &grpc, &http),
@@ -104,6 +104,12 @@ impl Worker {
     /// Maps of other workers that can be read here.
     pub(crate) fn copies(&self) -> Copies {
         self.terms.copies.clone()
+    }
+
+    /// The name under which gateways reach its HTTP.
+    pub(crate) fn host(&self) -> String {
+        let http = &self.lease.http;
+        http.rsplit_once(':').map_or(http.as_str(), |(host, _)| host).to_owned()
     }
 
     /// Works until `stopping` is cancelled; then writes checkpoints and gives the maps to others.
@@ -147,8 +153,11 @@ impl Worker {
 
     async fn announce(&self) {
         let value = serde_json::to_vec(&self.announcement()).expect("texts and numbers are JSON");
-        if let Err(error) = self.terms.bus.workers.put(&self.name, value.into()).await {
-            tracing::warn!(%error, "the fleet was not told of this worker: trying again");
+        let told = self.terms.bus.workers.put(&self.name, value.into());
+        // Leases have to be renewed in time.
+        match tokio::time::timeout(self.lease_time / RENEWALS, told).await {
+            Ok(Ok(_)) => {}
+            _ => tracing::warn!("the fleet was not told of this worker: trying again"),
         }
     }
 
@@ -168,7 +177,9 @@ impl Worker {
     async fn give_up(&mut self) {
         for (map, owned) in &self.owned {
             let is_other = self.leases.get(map).is_some_and(|seen| seen.token() > owned.held.token);
-            if is_other || self.maps.get(map).is_none() {
+            let id = owned.progress.id.get();
+            let is_there = |seen: Seen<MapEntry>| id.is_none_or(|id| *id == seen.value.id);
+            if is_other || !self.maps.get(map).is_some_and(is_there) {
                 owned.progress.lost.cancel();
             }
         }

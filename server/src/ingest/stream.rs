@@ -24,6 +24,9 @@ use tonic::{Code, Status, Streaming};
 
 type Acks = mpsc::Sender<Result<FrameAck, Status>>;
 
+/// How long the last acknowledgements of a stream that broke off may take.
+const LAST_ACKS: Duration = Duration::from_secs(20);
+
 /// The rules of all streams.
 #[derive(Clone)]
 pub(crate) struct Terms {
@@ -85,8 +88,18 @@ async fn converse<D: Destinations>(
     reader.destination.end().await;
     // Frees the map for another sender and lets the acknowledger finish its queue.
     drop(reader);
-    let acknowledged = acknowledging.await.map_err(|_| Status::internal("a stream panicked"))?;
-    acknowledged.and(read)
+    let acknowledging = async move {
+        let ended = acknowledging.await;
+        ended.map_err(|_| Status::internal("a stream panicked"))?
+    };
+    match read {
+        Ok(()) => acknowledging.await,
+        // In a fleet nobody may have the map for now.
+        Err(error) => match tokio::time::timeout(LAST_ACKS, acknowledging).await {
+            Ok(acknowledged) => acknowledged.and(Err(error)),
+            Err(_) => Err(error),
+        },
+    }
 }
 
 /// Reads the opening message and opens the map that it names.

@@ -3,7 +3,7 @@
 use super::super::bus::Bus;
 use super::super::follow::{Seen, Table};
 use super::super::leases::Lease;
-use super::super::registry::MapEntry;
+use super::super::registry::{self, MapEntry};
 use super::super::worker::Announcement;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,6 +16,9 @@ use tonic::transport::{Channel, Endpoint};
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 /// How long a connection to a worker may take.
 const CONNECT: Duration = Duration::from_secs(3);
+
+/// Between two looks whether a worker is alive, and how long it may take to say so.
+const ALIVE: Duration = Duration::from_secs(5);
 
 /// Why no worker can be asked.
 #[derive(Debug, thiserror::Error)]
@@ -61,7 +64,7 @@ impl Directory {
         stopping: &CancellationToken,
     ) -> Self {
         Self {
-            maps: Table::follow(bus.maps.clone(), stopping.clone()).await,
+            maps: registry::follow(bus, stopping.clone()).await,
             leases: Table::follow(bus.leases.clone(), stopping.clone()).await,
             workers: Table::follow(bus.workers.clone(), stopping.clone()).await,
             turn: Arc::default(),
@@ -184,7 +187,10 @@ impl Directory {
             return Ok(channel.clone());
         }
         let endpoint = Endpoint::from_shared(format!("http://{grpc}"))?;
-        let channel = endpoint.connect_timeout(CONNECT).connect_lazy();
+        let endpoint = endpoint.connect_timeout(CONNECT).keep_alive_while_idle(true);
+        // Who does not answer is gone: questions must not wait for it.
+        let endpoint = endpoint.http2_keep_alive_interval(ALIVE).keep_alive_timeout(ALIVE);
+        let channel = endpoint.connect_lazy();
         channels.insert(grpc.to_owned(), channel.clone());
         Ok(channel)
     }

@@ -29,6 +29,8 @@ use std::time::Duration;
 const OF_A_MAP: &str = "/v1/maps/{name}";
 /// How long a connection to a worker may take.
 const CONNECT: Duration = Duration::from_secs(3);
+/// A worker that takes nothing for so long is gone.
+const DEAD: Duration = Duration::from_secs(10);
 /// How long a worker may take to list its maps.
 const LIST: Duration = Duration::from_secs(2);
 /// The longest list of maps of a worker, bytes.
@@ -66,6 +68,8 @@ pub(crate) fn router(gateway: Gateway, of_shell: Shell) -> Router {
     let mut connector = HttpConnector::new();
     connector.set_connect_timeout(Some(CONNECT));
     connector.set_nodelay(true);
+    connector.set_tcp_user_timeout(Some(DEAD));
+    connector.set_keepalive(Some(DEAD));
     let client = legacy::Client::builder(TokioExecutor::new()).build(connector);
     let limits = BodyLimits { bytes: of_shell.config.max_body_bytes, time: of_shell.body_limit };
     let of_a_map: BTreeSet<&str> = rules::HTTP
@@ -208,6 +212,10 @@ async fn onward(
 /// Whether a request only reads.
 fn is_question(request: &Request) -> bool {
     let path = request.uri().path();
+    // Only the worker that answered a question has the rest of its answer.
+    if path.contains("/queries/") {
+        return false;
+    }
     match *request.method() {
         Method::GET | Method::HEAD => !path.ends_with("/events"),
         Method::POST => path.ends_with("/query") || path.ends_with("/render"),

@@ -70,7 +70,9 @@ impl Destinations for Gateway {
         check_name(map).map_err(|error| of_map(&error, "map"))?;
         registry::ensure(bus, map).await.map_err(|error| unavailable(&error))?;
         let known = registry::find(bus, map).await.map_err(|error| unavailable(&error))?;
-        let newest = known.map_or(0, |(entry, _)| entry.token);
+        let Some((entry, _)) = known else {
+            return Err(unavailable(&"the map was deleted just now"));
+        };
         if has_sender(bus, map).await {
             return Err(of_map(&MapError::Busy { name: map.clone() }, "map"));
         }
@@ -96,7 +98,7 @@ impl Destinations for Gateway {
             move || waiting.forget(&stream)
         };
         let (bus, told, patience) = (bus.clone(), waiting.clone(), self.patience);
-        let receive = acks::receive(bus, map.clone(), stream, told, acks, newest, patience);
+        let receive = acks::receive(bus, (map.clone(), entry), stream, told, acks, patience);
         Ok(LogStream {
             map: map.clone(),
             durable: Arc::new(AtomicU64::new(writer.through().unwrap_or(NONE))),
@@ -141,11 +143,11 @@ impl Destination for LogStream {
         self.is_broken = false;
         self.durable.store(sequence, Ordering::Relaxed);
         // Acknowledgements are received as long as one is waited for.
-        let receiving = self.acks.clone();
+        let (receiving, map) = (self.acks.clone(), self.map.clone());
         let acked = async move {
             let acked = acked.await;
             drop(receiving);
-            acked.map_err(|_| Status::unavailable("the gateway is stopping; the frame is kept"))
+            acked.map_err(|_| Status::aborted(format!("map {map:?} was deleted meanwhile")))
         };
         Ok((Box::pin(acked), since))
     }

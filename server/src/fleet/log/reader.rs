@@ -4,7 +4,8 @@ use super::super::bus::Bus;
 use super::record::{Assembly, Entry, Head};
 use async_nats::jetstream::consumer::pull;
 use async_nats::jetstream::consumer::{AckPolicy, DeliverPolicy};
-use futures::StreamExt as _;
+use futures::future::BoxFuture;
+use futures::{FutureExt as _, StreamExt as _};
 use std::time::Duration;
 
 /// Between two tries to read.
@@ -30,6 +31,8 @@ pub(in super::super) enum ReadError {
     Unreadable { position: u64, reason: String },
 }
 
+type Beginning = BoxFuture<'static, Result<pull::Stream, async_nats::Error>>;
+
 /// Reads the log of a map behind a position.
 pub(in super::super) struct Reader {
     bus: Bus,
@@ -37,6 +40,8 @@ pub(in super::super) struct Reader {
     /// Position of the newest message that was read.
     after: u64,
     messages: Option<pull::Stream>,
+    /// The begin of reading, as long as it takes.
+    beginning: Option<Beginning>,
     assembly: Assembly,
     /// Messages that wait, as JetStream said with the newest one.
     pending: u64,
@@ -46,7 +51,15 @@ impl Reader {
     /// Reads `map` behind a position; 0 for all.
     pub(in super::super) fn new(bus: &Bus, map: &str, after: u64) -> Self {
         let (bus, subject) = (bus.clone(), bus.frames_of(map));
-        Self { bus, subject, after, messages: None, assembly: Assembly::default(), pending: 0 }
+        Self {
+            bus,
+            subject,
+            after,
+            messages: None,
+            beginning: None,
+            assembly: Assembly::default(),
+            pending: 0,
+        }
     }
 
     /// Messages that wait behind the newest entry.
@@ -66,7 +79,10 @@ impl Reader {
     pub(in super::super) async fn next(&mut self) -> Result<Entry, ReadError> {
         loop {
             let Some(messages) = &mut self.messages else {
-                match self.begin().await {
+                let begin = || begin(self.bus.clone(), self.subject.clone(), self.after).boxed();
+                let begun = self.beginning.get_or_insert_with(begin).await;
+                self.beginning = None;
+                match begun {
                     Ok(messages) => self.messages = Some(messages),
                     Err(error) => {
                         tracing::warn!(%error, subject = self.subject, "the log cannot be read: trying again");
@@ -110,22 +126,19 @@ impl Reader {
             }
         }
     }
+}
 
-    async fn begin(&self) -> Result<pull::Stream, async_nats::Error> {
-        let consumer = self
-            .bus
-            .frames
-            .create_consumer(pull::Config {
-                deliver_policy: DeliverPolicy::ByStartSequence { start_sequence: self.after + 1 },
-                ack_policy: AckPolicy::None,
-                filter_subject: self.subject.clone(),
-                inactive_threshold: FORGOTTEN,
-                memory_storage: true,
-                num_replicas: 1,
-                ..pull::Config::default()
-            })
-            .await?;
-        let messages = consumer.stream().max_messages_per_batch(AHEAD);
-        Ok(messages.expires(EXPIRES).heartbeat(HEARTBEAT).messages().await?)
-    }
+async fn begin(bus: Bus, subject: String, after: u64) -> Result<pull::Stream, async_nats::Error> {
+    let consumer = bus.frames.create_consumer(pull::Config {
+        deliver_policy: DeliverPolicy::ByStartSequence { start_sequence: after + 1 },
+        ack_policy: AckPolicy::None,
+        filter_subject: subject,
+        inactive_threshold: FORGOTTEN,
+        memory_storage: true,
+        num_replicas: 1,
+        ..pull::Config::default()
+    });
+    let messages = consumer.await?;
+    let messages = messages.stream().max_messages_per_batch(AHEAD);
+    Ok(messages.expires(EXPIRES).heartbeat(HEARTBEAT).messages().await?)
 }

@@ -49,7 +49,7 @@ impl Writer {
         let subject = bus.frames_of(&open.map);
         let newest = newest(bus, &subject).await.map_err(WriteError::Unavailable)?;
         let (last, through) = newest.map_or((0, None), |(last, head)| (last, head.through));
-        let stream = bus.client.new_inbox().replace("_INBOX.", "");
+        let stream = bus.unique();
         let mut writer = Self { bus: bus.clone(), subject, stream, written: 0, last, through };
         writer.write(&Record::Open(open.clone())).await?;
         Ok(writer)
