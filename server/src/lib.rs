@@ -102,8 +102,8 @@ pub struct Ready {
     pub bundle: String,
 }
 
-/// Serves `engine` until `shutdown` resolves, then waits for open calls to finish. With the role of a worker, its
-/// maps are those that it has in the fleet.
+/// Serves `engine` until `shutdown` resolves, then waits for open calls to finish. With the role of a worker,
+/// its maps are those that it has in the fleet.
 ///
 /// HTTP and gRPC are served, and `on_ready` called, at once. Maps of the data directory are loaded
 /// meanwhile, those first that are asked for; a call that needs one of them is told to wait.

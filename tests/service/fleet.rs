@@ -1,5 +1,5 @@
-//! A fleet: one NATS server, two workers and a gateway. Workers are killed, paused and stopped while a robot sends
-//! frames; it sees a pause, and its map is the one that a single machine makes.
+//! A fleet: one NATS server, two workers and a gateway. Workers are killed, paused and stopped while a robot
+//! sends frames; it sees a pause, and its map is the one that a single machine makes.
 
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, FrameAck, FrameStatus, frame_message::Message};

@@ -1,8 +1,8 @@
 //! Reads the logs of a fleet and finds maps that had two owners at a time.
 //!
-//! Workers log what they changed in a map's entry, with its revision: who took the map, and each checkpoint. Gateways
-//! log each acknowledgement with the token of its worker. An owner that does something after a newer one took the map
-//! is a fault, and so is an acknowledgement of an owner before.
+//! Workers log what they changed in a map's entry, with its revision: who took the map, and each checkpoint.
+//! Gateways log each acknowledgement with the token of its worker. An owner that does something after a newer
+//! one took the map is a fault, and so is an acknowledgement of an owner before.
 
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -1,5 +1,5 @@
-//! `make bench-fleet`: what a fleet costs for each frame, against one machine that records its frames. Both make the
-//! same map of the same frames, in turns.
+//! `make bench-fleet`: what a fleet costs for each frame, against one machine that records its frames. Both
+//! make the same map of the same frames, in turns.
 
 use lexsplat_proto::v1::mapping_client::MappingClient;
 use lexsplat_proto::v1::{self, frame_message::Message};
@@ -11,7 +11,8 @@ use tokio_stream::wrappers::ReceiverStream;
 
 const FRAMES: usize = 40;
 const ROUNDS: usize = 3;
-/// A frame is sent when the one before is acknowledged, so latencies have no queue in them; not sooner than this.
+/// A frame is sent when the one before is acknowledged, so latencies have no queue in them; not sooner than
+/// this.
 const PAUSE: Duration = Duration::from_millis(200);
 const SETTINGS: [(&str, &str); 2] =
     [("LEXSPLAT__MAPPER__CLOCK", "per_frame"), ("LEXSPLAT__SERVER__CHECKPOINT_SECONDS", "0")];

@@ -1,9 +1,9 @@
-//! `make soak-fleet`: three NATS servers, three workers and two gateways, while eight robots send frames slowly and
-//! something fails every few seconds, and two clocks are wrong by an hour. At the end each map has each frame once, no frame that was durable is missing,
-//! and no map had two owners.
+//! `make soak-fleet`: three NATS servers, three workers and two gateways, while eight robots send frames
+//! slowly and something fails every few seconds, and two clocks are wrong by an hour. At the end each map has
+//! each frame once, no frame that was durable is missing, and no map had two owners.
 //!
-//! `FAULTS` says how many things fail (200), `SEED` which. With `LEXSPLAT_UNFENCED`, a build of the server without the
-//! check of fencing tokens, the checker must find what that lets through.
+//! `FAULTS` says how many things fail (200), `SEED` which. With `LEXSPLAT_UNFENCED`, a build of the server
+//! without the check of fencing tokens, the checker must find what that lets through.
 
 use crate::fleet_logs::{self, Findings};
 use lexsplat_proto::v1::mapping_client::MappingClient;

@@ -9,8 +9,8 @@ use crate::messages::{Decoder, Kind, Reading};
 use crate::rig::Survey;
 use std::collections::{BTreeMap, HashMap};
 
-/// Bytes of messages that are read and remembered; the rest is left out, since it would fill the memory. An hour of
-/// a robot's transforms and accelerometers has a quarter of it.
+/// Bytes of messages that are read and remembered; the rest is left out, since it would fill the memory. An
+/// hour of a robot's transforms and accelerometers has a quarter of it.
 const MOST: u64 = 2 << 30;
 /// What the place of a message takes, bytes.
 const PLACE: u64 = 64;

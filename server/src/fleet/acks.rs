@@ -1,7 +1,7 @@
 //! Acknowledgements on their way from workers to gateways.
 //!
-//! They are not stored: whoever misses one asks for it again. Each carries its worker's fencing token; a gateway that
-//! has seen a greater one drops it.
+//! They are not stored: whoever misses one asks for it again. Each carries its worker's fencing token; a
+//! gateway that has seen a greater one drops it.
 
 use super::bus::{Bus, Failed};
 use super::registry::{self, MapEntry, is_fenced};
@@ -16,8 +16,8 @@ use tokio::sync::oneshot;
 
 /// Acknowledgements that a worker keeps for those who missed them.
 const KEPT: usize = 1024;
-/// The most unread acknowledgements that a stream of a gateway may have: so few that a worker has all that it waits
-/// for.
+/// The most unread acknowledgements that a stream of a gateway may have: so few that a worker has all that it
+/// waits for.
 pub(crate) const MOST_UNREAD: usize = KEPT / 2;
 /// The fencing token of the worker.
 const TOKEN: &str = "Lexsplat-Token";

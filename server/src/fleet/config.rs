@@ -48,13 +48,13 @@ pub struct FleetConfig {
     pub prefix: String,
     /// Copies that JetStream keeps of everything; 3 on a cluster.
     pub replicas: usize,
-    /// The most bytes of the frame log, all maps together; 0: as much as JetStream has room for. A full log takes
-    /// no more frames.
+    /// The most bytes of the frame log, all maps together; 0: as much as JetStream has room for. A full log
+    /// takes no more frames.
     pub max_log_bytes: u64,
     /// When frames leave the log.
     pub trim: Trim,
-    /// How long a worker that is not heard of keeps its maps, seconds. Longer than the election of a leader in NATS,
-    /// which takes up to 7 seconds.
+    /// How long a worker that is not heard of keeps its maps, seconds. Longer than the election of a leader
+    /// in NATS, which takes up to 7 seconds.
     pub lease_seconds: f64,
     /// Name of this worker; absent: that of the host with the number of the process.
     #[serde(skip_serializing_if = "Option::is_none")]

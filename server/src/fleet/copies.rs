@@ -1,6 +1,8 @@
-//! Maps of other workers, as their newest checkpoints have them: for questions that need not be answered by the owner.
+//! Maps of other workers, as their newest checkpoints have them: for questions that need not be answered by
+//! the owner.
 //!
-//! A copy is loaded when somebody asks for it, and again when there is a newer checkpoint. It takes no frames.
+//! A copy is loaded when somebody asks for it, and again when there is a newer checkpoint. It takes no
+//! frames.
 
 use super::bus::Bus;
 use super::checkpoints;

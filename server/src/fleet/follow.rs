@@ -1,6 +1,7 @@
 //! Following a bucket: its entries as they are now, each with the time since when it is unchanged.
 //!
-//! Times are taken by this machine's monotonic clock. No clock of another machine, and no time of day, matters.
+//! Times are taken by this machine's monotonic clock. No clock of another machine, and no time of day,
+//! matters.
 
 use super::bus::map_of;
 use async_nats::jetstream::kv::{Entry, Operation, Store};

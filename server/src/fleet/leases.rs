@@ -1,8 +1,8 @@
 //! Which worker has which map.
 //!
-//! A lease is an entry that its worker renews. If it is not renewed for `fleet.lease_seconds`, another worker may
-//! take it: JetStream lets one of them. The revision of the entry at that time is the fencing token: each owner has a
-//! greater one than all before.
+//! A lease is an entry that its worker renews. If it is not renewed for `fleet.lease_seconds`, another worker
+//! may take it: JetStream lets one of them. The revision of the entry at that time is the fencing token: each
+//! owner has a greater one than all before.
 
 use super::bus::{Bus, Failed, key};
 use super::follow::{Seen, Table};

@@ -1,14 +1,16 @@
-//! Many robots and maps on several machines: gateways take frames and questions, workers have the maps, and NATS
-//! JetStream keeps what must not be lost.
+//! Many robots and maps on several machines: gateways take frames and questions, workers have the maps, and
+//! NATS JetStream keeps what must not be lost.
 //!
-//! A frame's way: gateway ([`gateway`]) → frame log ([`log`]) → the worker that has the map's lease ([`worker`],
-//! [`pump`]) → acknowledgement ([`acks`]) → gateway → robot. A frame is durable when the log has it. A map is what
-//! its newest checkpoint ([`checkpoints`]) and the log behind that say, so any worker can go on with it.
+//! A frame's way: gateway ([`gateway`]) → frame log ([`log`]) → the worker that has the map's lease
+//! ([`worker`], [`pump`]) → acknowledgement ([`acks`]) → gateway → robot. A frame is durable when the log has
+//! it. A map is what its newest checkpoint ([`checkpoints`]) and the log behind that say, so any worker can
+//! go on with it.
 //!
 //! A question goes to the map's owner, or, if it may be older, to any worker ([`copies`]).
 //!
 //! A lease ([`leases`]) says which worker has a map. Its fencing token grows with each owner. Checkpoints and
-//! acknowledgements carry it, so those of a worker that lost the map, and does not know it, count for nothing.
+//! acknowledgements carry it, so those of a worker that lost the map, and does not know it, count for
+//! nothing.
 
 mod acks;
 mod bus;

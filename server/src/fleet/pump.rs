@@ -24,6 +24,7 @@ use tokio_util::task::AbortOnDropHandle;
 const LOOK: Duration = Duration::from_millis(500);
 /// Frames whose acknowledgements wait.
 const BACKLOG: usize = 64;
+
 /// How a map is doing, for the worker.
 #[derive(Default)]
 pub(super) struct Progress {

@@ -98,7 +98,8 @@ pub(super) async fn find(bus: &Bus, map: &str) -> Result<Option<(MapEntry, u64)>
     Ok(find_any(bus, map).await?.filter(|(entry, _)| !entry.is_deleted))
 }
 
-/// The same, also for one that is being deleted. Asks the bucket's leader: others may not know the newest entry.
+/// The same, also for one that is being deleted. Asks the bucket's leader: others may not know the newest
+/// entry.
 async fn find_any(bus: &Bus, map: &str) -> Result<Option<(MapEntry, u64)>, Failed> {
     let failed = |error: &dyn std::fmt::Display| Failed::new("looking for a map", error);
     let subject = format!("{}{}", bus.maps.prefix, key(map));
@@ -127,7 +128,8 @@ pub(super) async fn claim(
     change(bus, map, token, None, |entry| entry.token = token).await
 }
 
-/// Makes a checkpoint the newest of the map called `id`. Returns the one before, and the revision of the entry.
+/// Makes a checkpoint the newest of the map called `id`. Returns the one before, and the revision of the
+/// entry.
 ///
 /// # Errors
 /// [`ChangeError`].

@@ -241,8 +241,8 @@ impl Worker {
         since.elapsed() >= self.lease_time / 4 * self.better_placed(entry).min(MOST_STEPS)
     }
 
-    /// Number of workers that should rather have a map: those with the same fingerprint as its checkpoint, with
-    /// fewer maps, and with less in memory.
+    /// Number of workers that should rather have a map: those with the same fingerprint as its checkpoint,
+    /// with fewer maps, and with less in memory.
     fn better_placed(&self, entry: &MapEntry) -> u32 {
         let made_by = entry.checkpoint.as_ref().map(|saved| saved.fingerprint.as_str());
         let rank = |name: &str, worker: &Announcement| {

@@ -29,11 +29,11 @@ pub(super) struct ImportOptions {
     resume: bool,
 }
 
-/// Uploads a recording and maps it. The map is created if there is none; one that has frames takes a recording only
-/// with `resume=true`. The body is a file of the kind .mcap, .db3 (ROS 2), .r3d (Record3D) or .sens (ScanNet), or a
-/// zip of a folder in a layout that `lexsplat stream` reads (TUM, 7-Scenes, Replica, nerfstudio, recording.toml,
-/// rosbag2). The answer comes when the file is received and opened; mapping goes on behind it. A client that sends
-/// less than 16 KiB a second for long is refused.
+/// Uploads a recording and maps it. The map is created if there is none; one that has frames takes a
+/// recording only with `resume=true`. The body is a file of the kind .mcap, .db3 (ROS 2), .r3d (Record3D) or
+/// .sens (ScanNet), or a zip of a folder in a layout that `lexsplat stream` reads (TUM, 7-Scenes, Replica,
+/// nerfstudio, recording.toml, rosbag2). The answer comes when the file is received and opened; mapping goes
+/// on behind it. A client that sends less than 16 KiB a second for long is refused.
 #[utoipa::path(
     post, path = "/v1/maps/{name}/import", operation_id = "import_recording", tag = "maps",
     params(("name" = String, Path), ImportOptions),

@@ -1,5 +1,5 @@
-//! What is around the routes of every server: the dashboard, sessions, who may use what, and what pages of others may
-//! not do.
+//! What is around the routes of every server: the dashboard, sessions, who may use what, and what pages of
+//! others may not do.
 
 use super::browser::{Browsers, protect};
 use super::config::{ANY, HttpConfig};

@@ -1,8 +1,8 @@
 //! Uploaded recordings: received, opened by the readers of the client library, and streamed into a map as a
 //! robot streams frames, through the same checks.
 //!
-//! A recording is on disk only while it is received and mapped. If the server stops meanwhile, the frames so far
-//! are in the map, and the same recording, sent again, goes on behind them.
+//! A recording is on disk only while it is received and mapped. If the server stops meanwhile, the frames so
+//! far are in the map, and the same recording, sent again, goes on behind them.
 
 mod config;
 mod error;
@@ -67,8 +67,8 @@ impl Imports {
         Self { maps, service, limits: limits.clone(), kept_free, places, of_maps }
     }
 
-    /// Receives a recording and begins to map it, in the name of a caller who may write to the map. A map that has
-    /// frames takes more only if these go on where it is.
+    /// Receives a recording and begins to map it, in the name of a caller who may write to the map. A map
+    /// that has frames takes more only if these go on where it is.
     ///
     /// # Errors
     /// [`ImportError`], until the map is open for the frames. What comes after is told by [`Self::of`].

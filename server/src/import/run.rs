@@ -37,7 +37,8 @@ pub(super) struct Run {
 type Opened = oneshot::Sender<Result<(), ImportError>>;
 
 impl Run {
-    /// Receives, opens and maps a recording. `opened` is told when the first frame may come, or why none will.
+    /// Receives, opens and maps a recording. `opened` is told when the first frame may come, or why none
+    /// will.
     pub(super) async fn map(
         self,
         spool: Result<Spool, ImportError>,

@@ -37,8 +37,8 @@ pub(crate) trait Destination: Send + Sync + 'static {
         limits: &Limits,
     ) -> Result<Self::Checked, Refusal>;
 
-    /// Keeps a frame that passed the checks. Returns what its acknowledgement will be, and when the wait for it
-    /// began.
+    /// Keeps a frame that passed the checks. Returns what its acknowledgement will be, and when the wait for
+    /// it began.
     fn keep(
         &mut self,
         wire: v1::Frame,

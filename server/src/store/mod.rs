@@ -170,8 +170,8 @@ impl Store {
         self.directory.as_ref().map_or(Ok(Vec::new()), |directory| directory.maps())
     }
 
-    /// A new folder for files that are needed for a while. Its end removes it, or the next start. It is on the
-    /// disk of the data directory, if there is one.
+    /// A new folder for files that are needed for a while. Its end removes it, or the next start. It is on
+    /// the disk of the data directory, if there is one.
     ///
     /// # Errors
     /// The system's.

@@ -124,8 +124,8 @@ impl Directory {
         }
     }
 
-    /// The worker to ask about a map, whose answer may be this old. Without a limit it is the owner. Waits for one, but
-    /// not for long.
+    /// The worker to ask about a map, whose answer may be this old. Without a limit it is the owner. Waits
+    /// for one, but not for long.
     ///
     /// # Errors
     /// [`NoWorker`].

@@ -1,4 +1,5 @@
-//! The HTTP routes of a gateway: its own health, the list of maps, and everything else as the map's worker answers.
+//! The HTTP routes of a gateway: its own health, the list of maps, and everything else as the map's worker
+//! answers.
 
 use super::super::registry;
 use super::directory::NoWorker;
@@ -35,7 +36,8 @@ const DEAD: Duration = Duration::from_secs(10);
 const LIST: Duration = Duration::from_secs(2);
 /// The longest list of maps of a worker, bytes.
 const LONGEST_LIST: usize = 64 << 20;
-/// Headers that hold for one connection, or that the worker must not see: it takes requests for those of a page.
+/// Headers that hold for one connection, or that the worker must not see: it takes requests for those of a
+/// page.
 const NOT_ONWARD: [HeaderName; 8] = [
     header::HOST,
     header::ORIGIN,

@@ -1,7 +1,7 @@
 //! A gateway: takes frames and questions, and has no map.
 //!
-//! Frames go into the log ([`stream`]). All else is asked of the worker that has the map ([`directory`]), over the
-//! interfaces that it has anyway ([`service`], [`http`]).
+//! Frames go into the log ([`stream`]). All else is asked of the worker that has the map ([`directory`]),
+//! over the interfaces that it has anyway ([`service`], [`http`]).
 
 mod directory;
 mod http;

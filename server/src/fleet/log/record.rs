@@ -78,8 +78,8 @@ impl Record {
     }
 }
 
-/// The messages of a record that is called `id`, each with at most `longest` bytes. `through`: the newest frame
-/// before it. [`Head::before`] is not known yet.
+/// The messages of a record that is called `id`, each with at most `longest` bytes. `through`: the newest
+/// frame before it. [`Head::before`] is not known yet.
 pub(super) fn split(
     record: &Record,
     id: &str,
